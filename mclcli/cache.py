@@ -1,0 +1,35 @@
+"""The folder that keeps what is costly to make again: distance fields and compiled kernels."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+
+def cache_root() -> Path:
+    """Folder of the user's own: MCL_CACHE_DIR, else the platform's (XDG_CACHE_HOME where that is the custom)."""
+    import platformdirs
+
+    return Path(os.environ.get("MCL_CACHE_DIR") or platformdirs.user_cache_dir("mcl", appauthor=False))
+
+
+def is_ours(status: os.stat_result) -> bool:
+    """Whether a file or folder belongs to this user; what belongs to others is not used."""
+    return sys.platform == "win32" or status.st_uid == os.getuid()
+
+
+def make_private(folder: Path) -> None:
+    """Create a folder (mode 0700) where it is missing.
+
+    Raises
+    ------
+    OSError
+        If that fails, or the folder is somebody else's.
+
+    """
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not is_ours(folder.stat()):
+        raise PermissionError(0, "it belongs to another user")
+    if not os.access(folder, os.W_OK):
+        raise PermissionError(0, "it is not writable")

@@ -1,0 +1,73 @@
+"""Times within a log, as people write them."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from decimal import Decimal
+
+from mclcli.errors import UsageError
+
+_CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d{1,9})?))?")
+_SECOND = 1_000_000_000
+
+
+def parse_time(text: str, first_ns: int, option: str) -> int:
+    """Stamp [ns] of a time: ``12.5`` seconds from the log's first message, ``@1663967375.8`` absolute seconds,
+    ``14:32:05`` on the day of the first message (UTC), or ISO 8601 (UTC unless it states an offset).
+
+    Raises
+    ------
+    UsageError
+        If the text is none of these.
+
+    """  # noqa: D205 - the four forms are the summary
+    if text.startswith("@"):
+        return _seconds(text[1:], text, option)
+    if clock := _CLOCK.fullmatch(text):
+        return _midnight(first_ns) + _of_day(clock, text, option)
+    if re.match(r"\d{4}-\d{2}-\d{2}", text):
+        return _iso(text, option)
+    return first_ns + _seconds(text, text, option)
+
+
+def parse_seconds(text: str, option: str) -> int:
+    """Duration [ns] from a number of seconds, digit by digit, without rounding through a float."""
+    return _seconds(text, text, option)
+
+
+def _seconds(number: str, text: str, option: str) -> int:
+    try:
+        value = Decimal(number.strip().removesuffix("s")) * _SECOND
+        in_range = abs(value) < 2**62  # asked before int(), which spells every digit of 1e999999 out
+        nanoseconds = int(value.to_integral_value()) if in_range else 0
+    except (ArithmeticError, ValueError):  # decimal's own errors are ArithmeticErrors
+        raise UsageError(
+            f"{option}: '{text}' is not a time; write seconds from the start (12.5), @SECONDS, 14:32:05 or ISO 8601"
+        ) from None
+    if not in_range:
+        raise UsageError(f"{option}: '{text}' is out of range")
+    return nanoseconds
+
+
+def _midnight(stamp_ns: int) -> int:
+    day = 86_400 * _SECOND
+    return stamp_ns // day * day
+
+
+def _of_day(clock: re.Match[str], text: str, option: str) -> int:
+    hours, minutes, seconds = int(clock[1]), int(clock[2]), Decimal(clock[3] or 0)
+    if hours > 23 or minutes > 59 or seconds >= 60:
+        raise UsageError(f"{option}: '{text}' is not a time of day")
+    return (hours * 3600 + minutes * 60) * _SECOND + int(seconds * _SECOND)
+
+
+def _iso(text: str, option: str) -> int:
+    try:
+        moment = dt.datetime.fromisoformat(text)
+    except ValueError:
+        raise UsageError(f"{option}: '{text}' is not an ISO 8601 time such as 2022-09-23T21:09:35") from None
+    if moment.tzinfo is None:
+        moment = moment.replace(tzinfo=dt.UTC)
+    since = moment - dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
+    return (since.days * 86_400 + since.seconds) * _SECOND + since.microseconds * 1000

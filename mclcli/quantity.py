@@ -1,0 +1,51 @@
+"""Numbers with units, as people write them: ``90deg``, ``5cm``, ``1.5``."""
+
+from __future__ import annotations
+
+import math
+
+from mclcli.errors import UsageError
+
+_UNITS: dict[str, dict[str, float]] = {
+    "rad": {"rad": 1.0, "deg": math.pi / 180.0, "°": math.pi / 180.0},
+    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3},
+    "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
+}
+
+
+def parse_quantity(text: str, unit: str, what: str) -> float:
+    """Value of a number in SI units; a plain number already is in ``unit`` (``rad``, ``m``, ``s`` or none).
+
+    Raises
+    ------
+    UsageError
+        ``WHAT: 'TEXT' is not …`` if it is no finite number, or carries a unit of another kind.
+
+    """
+    units = _UNITS.get(unit, {})
+    stripped = text.strip()
+    suffix = max((u for u in units if stripped.endswith(u)), key=len, default="")
+    number = stripped.removesuffix(suffix) if suffix else stripped
+    try:
+        value = float(number.replace("_", "x"))
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        kind = f"a number in {unit}, or with a unit ({', '.join(units)})" if units else "a number"
+        raise UsageError(f"{what}: '{text}' is not {kind}")
+    return math.radians(value) if suffix in {"deg", "°"} else value * units.get(suffix, 1.0)
+
+
+def parse_list(text: str, units: tuple[str, ...], what: str) -> tuple[float, ...]:
+    """Values of a comma-separated list, a unit for each place; there may be fewer values than units.
+
+    Raises
+    ------
+    UsageError
+        If a value is not a number, or there are too many.
+
+    """
+    parts = text.split(",")
+    if len(parts) > len(units):
+        raise UsageError(f"{what}: '{text}' has {len(parts)} values; at most {len(units)} are expected")
+    return tuple(parse_quantity(part, unit, what) for part, unit in zip(parts, units, strict=False))

@@ -1,0 +1,138 @@
+"""What sensors said: messages of a log as plain values, free of any file format.
+
+Stamps are int64 nanoseconds (suffix ``_ns``), angles radians, lengths metres. Arrays are read-only.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class LaserScan:
+    """One sweep of a planar lidar (sensor_msgs/LaserScan).
+
+    ``ranges``: (B,) float64 as recorded: NaN, ±inf and out-of-range values are still there. Beam i points along
+    ``angle_min + i·angle_increment`` in the plane z = 0 of ``frame_id``, at ``stamp_ns + i·time_increment``.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    angle_min: float
+    angle_increment: float
+    range_min: float
+    range_max: float
+    ranges: NDArray[np.float64]
+    angle_max: float = 0.0
+    time_increment: float = 0.0
+    scan_time: float = 0.0
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Odometry:
+    """Pose of the base in the odometry frame: ``pose`` (3,) float64, x, y [m], yaw [rad]."""
+
+    stamp_ns: int
+    frame_id: str
+    child_frame_id: str
+    pose: NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Transform:
+    """One edge of the transform tree: ``parent_from_child`` (4, 4) float64; ``static`` if from /tf_static."""
+
+    stamp_ns: int
+    parent: str
+    child: str
+    parent_from_child: NDArray[np.float64]
+    static: bool
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class StampedPose:
+    """A pose somebody stated: ground truth, an initial pose, another localizer's answer.
+
+    ``pose`` (3,) x, y [m], yaw [rad] in ``frame_id``; ``covariance`` (3, 3) of (x, y, yaw), or None if unusable.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    pose: NDArray[np.float64]
+    covariance: NDArray[np.float64] | None = None
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class LandmarkSightings:
+    """Landmarks seen from one image: ids, and rays (M, 3) float64 towards them in ``frame_id`` (any length > 0)."""
+
+    stamp_ns: int
+    frame_id: str
+    ids: tuple[str, ...]
+    rays: NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate:
+    """What the filter believes: ``pose`` (3,) x, y [m], yaw [rad] in map, and its ``covariance`` (3, 3)."""
+
+    pose: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class StepRecord:
+    """One filter update over N particles and S sensors, with every weight.
+
+    ``poses`` (N, 3) as scored, before resampling. ``log_likelihoods`` (S, N), untempered, a row per name in
+    ``sensors``. ``log_weights`` (N,) = log W_{t−1} + Σ α·ℓ; ``weights`` (N,) is its softmax.
+    ``log_evidence`` = log Σ W_{t−1} e^{Σℓ}, untempered. ``beams_used`` counts beams and sightings scored.
+    ``reliability`` in [0, 1]: geometric mean likelihood per beam, relative to a beam that fits perfectly.
+    """
+
+    step: int
+    stamp_ns: int
+    poses: NDArray[np.float64]
+    sensors: tuple[str, ...]
+    alphas: tuple[float, ...]
+    log_likelihoods: NDArray[np.float64]
+    log_weights: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    ess: float
+    log_evidence: float
+    resampled: bool
+    degenerate: bool
+    beams_used: int
+    estimate: Estimate
+    segment: int
+    converged: bool
+    reliability: float
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class TrackPoint:
+    """Where the robot was at one scan: between updates the last estimate carried on by odometry.
+
+    ``odom_from_base`` (3,) is the interpolated odometry at the stamp; ``step`` is the update made at this scan, or
+    None where the gate let it pass; ``scan`` the scan itself, or None for runs without a lidar.
+    """
+
+    stamp_ns: int
+    estimate: Estimate
+    segment: int
+    odom_from_base: NDArray[np.float64]
+    step: StepRecord | None = None
+    scan: LaserScan | None = None

@@ -1,0 +1,76 @@
+"""Poses in the plane, SE(2).
+
+A pose is ``(x, y, yaw)`` [m, m, rad]; arrays of poses have shape (..., 3), float64. ``a_from_b`` takes coordinates
+in frame b to frame a, so ``compose(map_from_base, base_from_laser)`` is ``map_from_laser``.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+TAU = 2.0 * np.pi
+
+
+def wrap(angle: ArrayLike) -> NDArray[np.float64]:
+    """Angle [rad] wrapped to (−π, π]; angles already there come back unchanged to the bit."""
+    angle = np.asarray(angle, dtype=np.float64)
+    wrapped = -(np.remainder(np.pi - angle, TAU) - np.pi)
+    wrapped = np.where(wrapped <= -np.pi, np.pi, wrapped)  # the remainder just below a full turn rounds up to it
+    return np.where((angle > -np.pi) & (angle <= np.pi), angle, wrapped)
+
+
+def compose(a_from_b: ArrayLike, b_from_c: ArrayLike) -> NDArray[np.float64]:
+    """Chain two poses: ``a_from_c`` (..., 3), yaw wrapped; the arguments broadcast."""
+    a = np.asarray(a_from_b, dtype=np.float64)
+    b = np.asarray(b_from_c, dtype=np.float64)
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
+    y = a[..., 1] + s * b[..., 0] + c * b[..., 1]
+    return np.stack(np.broadcast_arrays(x, y, wrap(a[..., 2] + b[..., 2])), axis=-1)
+
+
+def inverse(a_from_b: ArrayLike) -> NDArray[np.float64]:
+    """Invert a pose: ``b_from_a`` (..., 3)."""
+    a = np.asarray(a_from_b, dtype=np.float64)
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    x = -c * a[..., 0] - s * a[..., 1]
+    y = s * a[..., 0] - c * a[..., 1]
+    return np.stack([x, y, wrap(-a[..., 2])], axis=-1)
+
+
+def between(w_from_a: ArrayLike, w_from_b: ArrayLike) -> NDArray[np.float64]:
+    """Pose of b seen from a: ``a_from_b`` (..., 3), both given in the same frame w."""
+    return compose(inverse(w_from_a), w_from_b)
+
+
+def exp(twist: ArrayLike) -> NDArray[np.float64]:
+    """Pose reached by a constant twist (vx, vy, ω) held for one unit of time, shape (..., 3).
+
+    Source: Lynch and Park 2017, *Modern Robotics*, eq. 3.85 restricted to the plane.
+    """
+    v = np.asarray(twist, dtype=np.float64)
+    half = 0.5 * v[..., 2]
+    chord = np.sinc(half / np.pi)  # sin(ω/2)/(ω/2): chord over arc
+    c, s = chord * np.cos(half), chord * np.sin(half)
+    return np.stack([c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1], wrap(v[..., 2])], axis=-1)
+
+
+def log(pose: ArrayLike) -> NDArray[np.float64]:
+    """Twist (vx, vy, ω) whose ``exp`` is the pose; |ω| ≤ π, shape (..., 3)."""
+    p = np.asarray(pose, dtype=np.float64)
+    yaw = wrap(p[..., 2])
+    half = 0.5 * yaw
+    chord = np.sinc(half / np.pi)
+    c, s = np.cos(half) / chord, np.sin(half) / chord
+    return np.stack([c * p[..., 0] + s * p[..., 1], -s * p[..., 0] + c * p[..., 1], yaw], axis=-1)
+
+
+def interpolate(w_from_a: ArrayLike, w_from_b: ArrayLike, fraction: ArrayLike) -> NDArray[np.float64]:
+    """Pose at ``fraction`` of the way from a to b along the constant twist that joins them, shape (..., 3)."""
+    fraction = np.asarray(fraction, dtype=np.float64)[..., np.newaxis]
+    return compose(w_from_a, exp(fraction * log(between(w_from_a, w_from_b))))

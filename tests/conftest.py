@@ -1,0 +1,34 @@
+"""What all tests share: Hypothesis without chance, and one folder for caches away from the user's own."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+settings.register_profile(
+    "mcl",
+    derandomize=True,
+    deadline=None,
+    database=None,
+    max_examples=40,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
+settings.load_profile("mcl")
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _cache_of_this_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """The compiler's output is kept for all tests of a session, subprocesses included, and for no longer."""
+    before = os.environ.get("MCL_CACHE_DIR")
+    os.environ["MCL_CACHE_DIR"] = str(tmp_path_factory.mktemp("mcl-cache"))
+    yield
+    if before is None:
+        del os.environ["MCL_CACHE_DIR"]
+    else:
+        os.environ["MCL_CACHE_DIR"] = before

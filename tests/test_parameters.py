@@ -1,0 +1,145 @@
+"""Parameters: names, bounds, units, and errors that say what to do."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mclcli import profiles
+from mclcli.errors import UsageError
+from mclcli.filter.resampling import RESAMPLERS
+from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
+
+
+def test_nothing_given_means_the_defaults_of_the_table() -> None:
+    assert profiles.build({}).values() == {name: default for _, name, default, _ in profiles.table()}
+
+
+def test_defaults_that_people_rely_on() -> None:
+    expected = {
+        "particles": 2000,
+        "max_beams": 60,
+        "resample_ess": 0.5,
+        "update_min_d": 0.25,
+        "update_min_a": 0.2,
+        "alpha1": 0.2,
+        "sigma_hit": 0.2,
+        "z_hit": 0.5,
+        "z_rand": 0.5,
+        "laser_likelihood_max_dist": 2.0,
+        "sigma_bearing": math.radians(3.0),
+        "eps_outlier": 0.1,
+        "field_method": "exact",
+        "resampler": "systematic",
+        "max_range": "skip",
+    }
+    assert profiles.build({}).values().items() >= expected.items()
+
+
+def test_every_name_is_there_once_and_explained() -> None:
+    rows = list(profiles.table())
+    assert len({name for _, name, _, _ in rows}) == len(rows)
+    assert all(description.meaning for _, _, _, description in rows)
+    assert {description.unit for *_, description in rows} >= {"m", "rad", ""}
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("sigma_bearing", "3deg", math.radians(3.0)),
+        ("sigma_bearing", "0.1", 0.1),
+        ("sigma_hit", "15cm", 0.15),
+        ("sigma_hit", 0.3, 0.3),
+        ("particles", "500", 500),
+        ("particles", 500.0, 500),
+        ("max_beams", "1e2", 100),
+        ("resampler", "multinomial", "multinomial"),
+        ("base_frame_id", "base_footprint", "base_footprint"),
+    ],
+)
+def test_values_are_read_with_their_units(name: str, text: object, value: float | str) -> None:
+    got = profiles.build({name: text}).values()[name]
+    assert got == (pytest.approx(value, rel=1e-15) if isinstance(value, float) else value)
+    assert type(got) is type(value)
+
+
+def test_changing_one_value_leaves_the_others() -> None:
+    before, after = profiles.build({}).values(), profiles.build({"sigma_hit": 0.4}).values()
+    assert {name for name in before if before[name] != after[name]} == {"sigma_hit"}
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"), [("sigma_hits", "sigma_hit"), ("partikles", "particles"), ("alpha_1", "alpha1")]
+)
+def test_an_unknown_name_is_answered_with_the_nearest(name: str, hint: str) -> None:
+    with pytest.raises(UsageError, match=f"unknown parameter '{name}'; did you mean '{hint}'"):
+        profiles.build({name: 1})
+
+
+def test_a_name_like_no_other_is_answered_with_the_command() -> None:
+    with pytest.raises(UsageError, match="unknown parameter 'qqq'; `mcl params` lists them all"):
+        profiles.build({"qqq": 1})
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "problem"),
+    [
+        ("sigma_hit", 0.0, "must be greater than 0"),
+        ("sigma_hit", -1.0, "must be greater than 0"),
+        ("z_hit", -0.1, "must be at least 0"),
+        ("alpha3", -0.1, "must be at least 0"),
+        ("sigma_bearing", 1.01, "must be at most 1"),
+        ("sigma_bearing", "60deg", "must be at most 1"),
+        ("eps_outlier", 1.01, "must be at most 1"),
+        ("resample_ess", 1.01, "must be at most 1"),
+        ("particles", 0, "must be at least 1"),
+        ("max_beams", -1, "must be at least 0"),
+        ("laser_likelihood_max_dist", 0, "must be greater than 0"),
+        ("resampler", "bogus", "must be one of systematic"),
+        ("max_range", "drop", "must be one of skip, score"),
+        ("field_method", "fast", "must be one of exact, brushfire"),
+        ("particles", 10.5, "whole number"),
+        ("particles", "10.5", "whole number"),
+        ("particles", math.inf, "number"),
+        ("particles", math.nan, "number"),
+        ("sigma_hit", math.inf, "number"),
+        ("sigma_hit", math.nan, "number"),
+        ("z_hit", "inf", "not a number"),
+        ("sigma_hit", "3deg", "not a number in m"),
+        ("z_hit", "1m", "not a number"),
+        ("sigma_hit", True, "must be a number"),
+        ("sigma_hit", [0.2], "must be a number"),
+        ("sigma_hit", None, "must be a number"),
+    ],
+)
+def test_values_out_of_bounds_are_errors_that_name_the_parameter(name: str, value: object, problem: str) -> None:
+    with pytest.raises(UsageError, match=problem) as caught:
+        profiles.build({name: value})
+    assert name in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("value", [("sigma_bearing", 1.0), ("eps_outlier", 0.0), ("resample_ess", 1.0), ("z_rand", 0.0)])
+def test_bounds_themselves_are_allowed(value: tuple[str, float]) -> None:
+    assert profiles.build(dict([value])).values()[value[0]] == value[1]
+
+
+def test_a_models_own_parameters_are_checked_without_the_table() -> None:
+    with pytest.raises(UsageError, match="sigma_hit"):
+        LikelihoodFieldParameters(sigma_hit=-0.2)
+
+
+def test_every_registered_resampler_can_be_chosen() -> None:
+    chosen = [profiles.build({"resampler": name}).filter.resampler for name in RESAMPLERS]
+    assert chosen == list(RESAMPLERS)
+
+
+@given(st.sampled_from([row[1] for row in profiles.table()]), st.floats() | st.text(max_size=6) | st.integers())
+def test_any_value_is_taken_whole_or_refused_in_one_line(name: str, value: object) -> None:
+    try:
+        profiles.build({name: value})
+    except UsageError as error:
+        assert name in str(error)
