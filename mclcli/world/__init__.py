@@ -1,0 +1,1 @@
+"""What is known of the building: occupancy, distances, landmarks."""

@@ -1,0 +1,139 @@
+"""Distance from every cell of a map to the nearest occupied cell.
+
+Distances are stored as small codes into a table of levels: an exact field on a grid has few distinct values (the roots
+of integers), so a likelihood needs evaluating once a level instead of once a cell, and the field stays small and exact.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, final
+
+import numpy as np
+
+from mclcli import compiled
+from mclcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mclcli.world.occupancy import OccupancyGrid
+
+    Codes = NDArray[np.uint16] | NDArray[np.uint32]
+
+Method = Literal["exact", "brushfire"]
+METHODS: tuple[Method, ...] = ("exact", "brushfire")
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class DistanceField:
+    """Distances over a grid, clamped at ``max_dist`` [m].
+
+    ``codes`` (H, W) uint16 or uint32, row 0 at the bottom; ``levels`` (L,) float64 [m]: ``levels[codes]`` are the
+    distances between cell centres, and the last level is ``max_dist``. ``resolution`` [m] and ``origin`` (3,)
+    (x, y, yaw) place it in the map as in ``OccupancyGrid``.
+    """
+
+    codes: Codes
+    levels: NDArray[np.float64]
+    resolution: float
+    origin: NDArray[np.float64]
+
+    @property
+    def max_dist(self) -> float:
+        """The clamp, which also holds off the map [m]."""
+        return float(self.levels[-1])
+
+    @property
+    def is_flat(self) -> bool:
+        """Whether every cell is at the clamp: nothing on the map is occupied within reach."""
+        return bool((self.codes == self.levels.size - 1).all())
+
+    def metres(self) -> NDArray[np.float64]:
+        """Distances (H, W) float64 [m]."""
+        return self.levels[self.codes]
+
+
+def compute(grid: OccupancyGrid, method: Method, max_dist: float) -> DistanceField:
+    """Distance field of a map; a map without an occupied cell is at ``max_dist`` everywhere.
+
+    Raises
+    ------
+    UsageError
+        If ``max_dist`` is not a positive finite number.
+
+    """
+    if not (math.isfinite(max_dist) and max_dist > 0.0):
+        raise UsageError(f"laser_likelihood_max_dist = {max_dist} m: must be finite and greater than 0")
+    occupied = grid.occupied
+    if not occupied.any():
+        return _field(grid, np.zeros(occupied.shape, np.uint16), np.array([max_dist]))
+    if method == "exact":
+        return _exact(grid, occupied, max_dist)
+    return from_metres(grid, _brushfire(occupied, max_dist / grid.resolution) * grid.resolution, max_dist)
+
+
+def from_metres(grid: OccupancyGrid, metres: NDArray[np.floating], max_dist: float) -> DistanceField:
+    """Field from distances (H, W) [m] computed elsewhere, clamped at ``max_dist``.
+
+    Distances closer than 1 µm are one level: path lengths summed in another order differ by rounding alone.
+    """
+    below: NDArray[np.bool_] = metres < max_dist
+    values = metres[below].astype(np.float64)
+    _, first, inverse = np.unique(np.rint(values * 1e6), return_index=True, return_inverse=True)
+    levels = np.append(values[first], max_dist)
+    codes = np.full(metres.shape, levels.size - 1, np.uint32)
+    codes[below] = inverse
+    return _field(grid, codes, levels)
+
+
+def _exact(grid: OccupancyGrid, occupied: NDArray[np.bool_], max_dist: float) -> DistanceField:
+    """Euclidean distance transform; codes are squared distances in cells where those fit a table."""
+    from scipy.ndimage import distance_transform_edt
+
+    cells = distance_transform_edt(~occupied)
+    reach = max_dist / grid.resolution
+    if reach * reach >= np.iinfo(np.uint16).max - 1:
+        return from_metres(grid, cells * grid.resolution, max_dist)
+    squares = np.sqrt(np.arange(math.ceil(reach * reach) + 1)) * grid.resolution
+    levels = np.append(squares[squares < max_dist], max_dist)
+    np.multiply(cells, cells, out=cells)
+    np.minimum(np.rint(cells, out=cells), levels.size - 1, out=cells)
+    return _field(grid, cells.astype(np.uint16), levels)
+
+
+def _brushfire(occupied: NDArray[np.bool_], reach: float) -> NDArray[np.float64]:
+    """Shortest 8-neighbour path lengths [cells], steps 1 and √2; right at least up to ``reach``."""
+    distance = np.where(occupied, 0.0, np.inf)
+    rounds = min(math.ceil(reach), sum(occupied.shape))
+    if compiled.worth_compiling(8.0 * rounds * distance.size):
+        compiled.load("brushfire").two_pass_chamfer(distance)
+        return distance
+    for _ in range(rounds):
+        relaxed = _relax(distance)
+        if np.array_equal(relaxed, distance):
+            break
+        distance = relaxed
+    return distance
+
+
+def _relax(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """One step outwards to all eight neighbours."""
+    height, width = distance.shape
+    padded = np.pad(distance, 1, constant_values=np.inf)
+    relaxed = distance
+    for row in (0, 1, 2):
+        for column in (0, 1, 2):
+            neighbour = padded[row : row + height, column : column + width]
+            relaxed = np.minimum(relaxed, neighbour + math.hypot(row - 1, column - 1))
+    return relaxed
+
+
+def _field(grid: OccupancyGrid, codes: Codes, levels: NDArray[np.float64]) -> DistanceField:
+    if levels.size <= np.iinfo(np.uint16).max:
+        codes = codes.astype(np.uint16, copy=False)
+    codes.flags.writeable = False
+    levels.flags.writeable = False
+    return DistanceField(codes, levels, grid.resolution, grid.origin)

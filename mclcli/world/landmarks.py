@@ -1,0 +1,45 @@
+"""Landmarks: named points of the map that a camera recognises."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Landmarks:
+    """L landmarks: distinct ``ids`` and their ``positions`` (L, 3) float64 x, y, z [m] in map, read-only.
+
+    Raises
+    ------
+    ValueError
+        If an id repeats, or the positions are not L finite points.
+
+    """
+
+    ids: tuple[str, ...]
+    positions: NDArray[np.float64]
+    _index: dict[str, int] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        positions = np.array(self.positions, dtype=np.float64)
+        if positions.shape != (len(self.ids), 3) or not np.isfinite(positions).all():
+            raise ValueError(f"positions: expected {len(self.ids)} finite points, got shape {positions.shape}")
+        index = {name: row for row, name in enumerate(self.ids)}
+        if len(index) != len(self.ids):
+            raise ValueError("ids: each landmark needs its own")
+        positions.flags.writeable = False
+        object.__setattr__(self, "positions", positions)
+        object.__setattr__(self, "_index", index)
+
+    def lookup(self, ids: Sequence[str]) -> NDArray[np.int64]:
+        """Row of each id in ``positions``, −1 for those not in the map, shape (M,) for M ids."""
+        return np.array([self._index.get(name, -1) for name in ids], dtype=np.int64)

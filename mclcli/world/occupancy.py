@@ -1,0 +1,113 @@
+"""The map of the building as a grid of cells, and where its cells lie."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Final, final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+FREE: Final = 0
+OCCUPIED: Final = 100
+UNKNOWN: Final = -1
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class OccupancyGrid:
+    """Occupancy of H × W square cells.
+
+    ``cells``: (H, W) int8, row 0 at the bottom (lowest y): 0 free, 100 occupied, −1 unknown, 1 to 99 in between.
+    ``resolution``: side of a cell [m]. ``origin``: (3,) float64, pose (x [m], y [m], yaw [rad]) in map of the outer
+    corner of cell (0, 0). Stored arrays are read-only and in C order; a writable ``cells`` is copied.
+
+    Raises
+    ------
+    ValueError
+        If the cells are not int8 in −1…100 with at least one cell, or the geometry is not finite and positive.
+
+    """
+
+    cells: NDArray[np.int8]
+    resolution: float
+    origin: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        origin = np.array(self.origin, dtype=np.float64)
+        if origin.shape != (3,) or not np.isfinite(origin).all():
+            raise ValueError(f"origin: expected three finite numbers x, y, yaw, got {origin.tolist()}")
+        if not (math.isfinite(self.resolution) and self.resolution > 0.0):
+            raise ValueError(f"resolution: expected a finite length above 0, got {self.resolution}")
+        origin.flags.writeable = False
+        object.__setattr__(self, "cells", _checked(self.cells))
+        object.__setattr__(self, "resolution", float(self.resolution))
+        object.__setattr__(self, "origin", origin)
+
+    @property
+    def height(self) -> int:
+        """Rows H."""
+        return int(self.cells.shape[0])
+
+    @property
+    def width(self) -> int:
+        """Columns W."""
+        return int(self.cells.shape[1])
+
+    @property
+    def occupied(self) -> NDArray[np.bool_]:
+        """Which cells are occupied, (H, W)."""
+        return np.equal(self.cells, OCCUPIED)
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which cells are free, (H, W)."""
+        return np.equal(self.cells, FREE)
+
+    @property
+    def unknown(self) -> NDArray[np.bool_]:
+        """Which cells are unknown, (H, W)."""
+        return np.equal(self.cells, UNKNOWN)
+
+    def to_cells(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Continuous (column, row), (..., 2), of points (..., 2) [m] in map; its floor is the containing cell."""
+        offset = np.asarray(points, dtype=np.float64) - self.origin[:2]  # first, so that far origins cost no digits
+        c, s = math.cos(self.origin[2]), math.sin(self.origin[2])
+        dx, dy = offset[..., 0], offset[..., 1]
+        return np.stack([c * dx + s * dy, c * dy - s * dx], axis=-1) / self.resolution
+
+    def to_map(self, column_row: ArrayLike) -> NDArray[np.float64]:
+        """Points (..., 2) [m] in map of continuous (column, row); a cell's centre is its indices + 0.5."""
+        scaled = np.asarray(column_row, dtype=np.float64) * self.resolution
+        c, s = math.cos(self.origin[2]), math.sin(self.origin[2])
+        u, v = scaled[..., 0], scaled[..., 1]
+        return np.stack([c * u - s * v, s * u + c * v], axis=-1) + self.origin[:2]
+
+    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+        """Whether points (..., 2) [m] in map lie on a cell, shape (...); NaN and infinity do not."""
+        with np.errstate(invalid="ignore"):  # 0 · ∞
+            column_row = self.to_cells(points)
+        inside: NDArray[np.bool_] = np.asarray((column_row >= 0.0) & (column_row < [self.width, self.height]))
+        return np.asarray(inside.all(axis=-1))
+
+    def digest(self) -> str:
+        """SHA-256 over cells, shape, resolution and origin, hexadecimal."""
+        geometry = np.array([self.height, self.width, self.resolution, *self.origin], dtype="<f8")
+        hashed = hashlib.sha256(geometry.tobytes())
+        hashed.update(self.cells.data)
+        return hashed.hexdigest()
+
+
+def _checked(cells: NDArray[np.int8]) -> NDArray[np.int8]:
+    if cells.dtype != np.int8 or cells.ndim != 2 or cells.size == 0:
+        raise ValueError(f"cells: expected int8 of shape (H, W), got {cells.dtype} of shape {cells.shape}")
+    if cells.min() < UNKNOWN or cells.max() > OCCUPIED:
+        raise ValueError(f"cells: expected −1 to 100, got {cells.min()} to {cells.max()}")
+    if cells.flags.writeable:
+        cells = cells.copy(order="C")
+        cells.flags.writeable = False
+    return np.ascontiguousarray(cells)
