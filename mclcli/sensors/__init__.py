@@ -1,0 +1,38 @@
+"""Observation likelihoods p(z | x, m): a file a model, all in log domain.
+
+A model is built once for a map; what it says of one observation is a ``Measurement``, which is all the filter knows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One observation, ready to score poses of the base in map at the update's stamp.
+
+    ``log_likelihood`` maps poses (N, 3) to log p(z | x) (N,), untempered; ``count`` beams or sightings are in it, each
+    at most ``log_peak``/``count`` high on average, so that ``log_peak`` is the log p of a perfect fit.
+    ``alpha`` in (0, 1] is the temperature its logarithm is multiplied with.
+    """
+
+    sensor: str
+    log_likelihood: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    count: int
+    log_peak: float
+    alpha: float = 1.0
+
+
+def floored_log(p: NDArray[np.float64], floor: float) -> NDArray[np.float64]:
+    """log max(p, floor): keeps one impossible reading from ruling out a pose."""
+    return np.log(np.maximum(p, floor))

@@ -1,0 +1,102 @@
+"""Bearings to landmarks with an outlier mixture.
+
+    p(β | x) = (1−ε) · N(e; 0, σ_β²) + ε / 2π,    e = wrap(β − β*),    β* = atan2(l_y − c_y, l_x − c_x) − θ
+
+with c the camera's position for the pose x and l the landmark; an id that is not in the map contributes 1 / 2π.
+Source: Thrun, Burgard, Fox 2005, sections 6.6.2 (landmark measurement) and 6.3.1 (mixture with a uniform).
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from mclcli import se2
+from mclcli.parameters import parameter, validate
+from mclcli.sensors import Measurement, floored_log
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mclcli.records import LandmarkSightings
+    from mclcli.world.landmarks import Landmarks
+
+FLOOR = 1e-15
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class BearingParameters:
+    """Parameters of the bearing mixture."""
+
+    sigma_bearing: float = parameter(
+        math.radians(3.0), "standard deviation of a bearing", unit="rad", above=0.0, high=1.0
+    )
+    eps_outlier: float = parameter(
+        0.1, "share of sightings that mean nothing (wrong id, reflection)", low=0.0, high=1.0
+    )
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Bearings:
+    """M bearings in the camera's level frame, which stands on the base at the camera's position.
+
+    ``origin`` (2,) [m]: the camera in the base frame; ``angles`` (M,) [rad] relative to the base's heading;
+    ``landmarks`` (M, 2) [m]: where the sighted ids stand in map; ``unknown`` further sightings named no known id.
+    """
+
+    origin: NDArray[np.float64]
+    angles: NDArray[np.float64]
+    landmarks: NDArray[np.float64]
+    unknown: int
+
+
+def observe(sightings: LandmarkSightings, base_from_sensor: NDArray[np.float64], landmarks: Landmarks) -> Bearings:
+    """Bearings from rays in the sensor's frame, through its mount (4, 4): the rays are rotated level first.
+
+    A ray straight up or down has no bearing; it counts as unknown.
+    """
+    rays = sightings.rays @ base_from_sensor[:3, :3].T
+    index = landmarks.lookup(sightings.ids)
+    level = np.hypot(rays[:, 0], rays[:, 1]) > 1e-9 * np.linalg.norm(rays, axis=1)
+    known = (index >= 0) & level
+    angles = np.arctan2(rays[known, 1], rays[known, 0])
+    return Bearings(base_from_sensor[:2, 3], angles, landmarks.positions[index[known], :2], int((~known).sum()))
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class BearingModel:
+    """The mixture."""
+
+    parameters: BearingParameters
+
+    def measure(self, sensor: str, bearings: Bearings, alpha: float = 1.0) -> Measurement:
+        """Measurement that scores poses against these bearings."""
+        count = bearings.angles.size + bearings.unknown
+        best = float(self.log_p(np.zeros(1))[0]) * bearings.angles.size - math.log(se2.TAU) * bearings.unknown
+        return Measurement(sensor, functools.partial(self._score, bearings), count, best, alpha)
+
+    def log_p(self, error: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log-likelihood of bearing errors [rad] in (−π, π], any shape."""
+        sigma, eps = self.parameters.sigma_bearing, self.parameters.eps_outlier
+        density = np.exp(-0.5 * (error / sigma) ** 2) / (sigma * math.sqrt(se2.TAU))
+        return floored_log((1.0 - eps) * density + eps / se2.TAU, FLOOR)
+
+    def _score(self, bearings: Bearings, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
+        camera_x = poses[:, 0] + c * bearings.origin[0] - s * bearings.origin[1]
+        camera_y = poses[:, 1] + s * bearings.origin[0] + c * bearings.origin[1]
+        total = np.full(poses.shape[0], -math.log(se2.TAU) * bearings.unknown)
+        for angle, landmark in zip(bearings.angles, bearings.landmarks, strict=True):
+            expected = np.arctan2(landmark[1] - camera_y, landmark[0] - camera_x) - poses[:, 2]
+            total += self.log_p(se2.wrap(angle - expected))
+        return total

@@ -1,0 +1,107 @@
+"""Sensors as mounted on a robot: a model with its settings, turning messages into measurements."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, final
+
+import numpy as np
+
+from mclcli.records import LandmarkSightings, LaserScan
+from mclcli.sensors import Measurement, beams, bearing
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mclcli.sensors.beams import BeamSelection
+    from mclcli.sensors.bearing import BearingModel
+    from mclcli.sensors.likelihood_field import LikelihoodField
+    from mclcli.world.landmarks import Landmarks
+
+Reading = LaserScan | LandmarkSightings
+
+
+class Instrument(Protocol):
+    """Something that reads the world; ``name`` is its column in every trace, ``alpha`` its temperature."""
+
+    @property
+    def name(self) -> str:
+        """Column name, such as ``lidar``."""
+        ...
+
+    @property
+    def alpha(self) -> float:
+        """Temperature in (0, 1]."""
+        ...
+
+    def problem(self, reading: Reading) -> str:
+        """Why a reading cannot be used, empty if it can."""
+        ...
+
+    def measure(self, reading: Reading, base_from_sensor: NDArray[np.float64]) -> Measurement:
+        """Measurement of a reading, through the sensor's mount (4, 4) on the base at the update's stamp."""
+        ...
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Lidar:
+    """A planar lidar scored by a likelihood field."""
+
+    name: str
+    model: LikelihoodField
+    selection: BeamSelection
+    alpha: float = 1.0
+
+    def problem(self, reading: Reading) -> str:
+        """Why a scan cannot be used: its geometry makes no sense."""
+        if not isinstance(reading, LaserScan):
+            return "not a laser scan"
+        if not reading.range_max > 0.0:
+            return f"scan with range_max {reading.range_max:g}"
+        if reading.ranges.size > 1 and not abs(reading.angle_increment) > 0.0:
+            return f"scan with angle_increment {reading.angle_increment:g}"
+        return "" if np.isfinite([reading.angle_min, reading.angle_increment]).all() else "scan with angles not finite"
+
+    def measure(self, reading: Reading, base_from_sensor: NDArray[np.float64]) -> Measurement:
+        """Measurement of a scan."""
+        assert isinstance(reading, LaserScan)  # noqa: S101 - see problem()
+        return self.model.measure(self.name, beams.select(reading, base_from_sensor, self.selection), self.alpha)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Camera:
+    """Whatever sees landmarks, scored by their bearings."""
+
+    name: str
+    model: BearingModel
+    landmarks: Landmarks
+    alpha: float = 1.0
+
+    def problem(self, reading: Reading) -> str:
+        """Why sightings cannot be used."""
+        if not isinstance(reading, LandmarkSightings):
+            return "not a sighting of landmarks"
+        return "" if np.isfinite(reading.rays).all() else "sighting with a position that is not finite"
+
+    def measure(self, reading: Reading, base_from_sensor: NDArray[np.float64]) -> Measurement:
+        """Measurement of the sightings in one image."""
+        assert isinstance(reading, LandmarkSightings)  # noqa: S101 - see problem()
+        return self.model.measure(self.name, bearing.observe(reading, base_from_sensor, self.landmarks), self.alpha)
+
+
+def combine(instrument: Instrument, measurements: Sequence[Measurement]) -> Measurement:
+    """One measurement for all readings of an instrument since the last update; none at all scores 0."""
+
+    def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        total = np.zeros(poses.shape[0])
+        for measurement in measurements:
+            total += measurement.log_likelihood(poses)
+        return total
+
+    count = sum(m.count for m in measurements)
+    peak = sum(m.log_peak for m in measurements)
+    return Measurement(instrument.name, log_likelihood, count, peak, instrument.alpha)

@@ -1,0 +1,116 @@
+"""Bearings to landmarks against their mixture."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from mclcli import se2, se3
+from mclcli.errors import UsageError
+from mclcli.sensors.bearing import FLOOR, BearingModel, BearingParameters, observe
+from mclcli.world.landmarks import Landmarks
+from tests.reference.sensors import bearings_log_p
+from tests.support import level, sightings
+
+PLACES = {"a": (-1.0, 0.0), "b": (1.0, 0.5), "c": (0.0, -1.0)}
+LANDMARKS = Landmarks(tuple(PLACES), np.array([(*place, 0.4) for place in PLACES.values()]))
+GENERATOR = np.random.default_rng(3)
+POSES = GENERATOR.uniform([-3, -3, -4], [3, 3, 4], (40, 3))
+MOUNT = (0.2, -0.1, 0.5)
+angles = st.floats(-math.pi, math.pi)
+coordinates = st.floats(-1e3, 1e3)
+SEEN = (("a", 0.3), ("c", -2.0), ("nobody", 1.0), ("a", 3.0))
+
+
+def model(sigma: float = 0.1, eps: float = 0.1) -> BearingModel:
+    return BearingModel(BearingParameters(sigma_bearing=sigma, eps_outlier=eps))
+
+
+def seen_from(mount: np.ndarray, *seen: tuple[str, float], sigma: float = 0.1, eps: float = 0.1):  # type: ignore[type-arg,no-untyped-def]  # noqa: ANN201
+    rays = level(*(bearing for _, bearing in seen))
+    return model(sigma, eps).measure("vision", observe(sightings(0, [i for i, _ in seen], rays), mount, LANDMARKS))
+
+
+@given(st.lists(st.tuples(st.sampled_from(["a", "b", "c", "?"]), angles), max_size=5))
+def test_every_pose_agrees_with_the_equation(seen: list[tuple[str, float]]) -> None:
+    got = seen_from(se3.from_planar(MOUNT), *seen).log_likelihood(POSES)
+    expected = [bearings_log_p(pose, MOUNT, seen, PLACES, sigma=0.1, eps=0.1) for pose in POSES.tolist()]
+    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-9)
+
+
+@given(x=coordinates, y=coordinates, yaw=angles, bearing=angles, eps=st.floats(1e-6, 1.0), sigma=st.floats(1e-3, 1.0))
+@example(x=-1.0, y=0.0, yaw=0.0, bearing=0.0, eps=0.1, sigma=0.1)  # standing on the landmark
+def test_a_known_landmark_never_costs_more_than_being_an_outlier(
+    x: float, y: float, yaw: float, bearing: float, eps: float, sigma: float
+) -> None:
+    measurement = seen_from(np.eye(4), ("a", bearing), sigma=sigma, eps=eps)
+    score = measurement.log_likelihood(np.array([[x, y, yaw]]))[0]
+    assert math.isfinite(score)
+    assert score >= max(math.log(eps / math.tau), math.log(FLOOR)) - 1e-12
+    assert score <= measurement.log_peak + 1e-12
+
+
+def test_without_outliers_the_floor_holds() -> None:
+    assert model(0.01, 0.0).log_p(np.array([3.0]))[0] == pytest.approx(math.log(1e-15), abs=1e-12)
+
+
+def test_an_unknown_id_costs_the_same_everywhere() -> None:
+    measurement = seen_from(np.eye(4), ("nobody", 0.4))
+    assert measurement.log_likelihood(POSES).tolist() == [-math.log(math.tau)] * len(POSES)
+    assert measurement.count == 1
+
+
+@given(st.floats(-50, 50), st.floats(-50, 50), angles)
+def test_moving_landmarks_and_robot_together_changes_nothing(x: float, y: float, yaw: float) -> None:
+    moved_places = se2.compose([x, y, yaw], np.array([(*place, 0.0) for place in PLACES.values()]))
+    moved = Landmarks(tuple(PLACES), np.column_stack([moved_places[:, :2], np.zeros(3)]))
+    rays = sightings(0, [i for i, _ in SEEN], level(*(b for _, b in SEEN)))
+    mount = se3.from_planar(MOUNT)
+    there = model(0.5).measure("v", observe(rays, mount, moved)).log_likelihood(se2.compose([x, y, yaw], POSES))
+    here = model(0.5).measure("v", observe(rays, mount, LANDMARKS)).log_likelihood(POSES)
+    np.testing.assert_allclose(there, here, rtol=0, atol=1e-7)
+
+
+def test_errors_are_taken_the_short_way_round() -> None:
+    pose = np.array([[0.0, 0.0, 0.0]])  # landmark a lies at bearing π
+    left, right = (seen_from(np.eye(4), ("a", bearing)).log_likelihood(pose)[0] for bearing in (3.1, -3.1))
+    assert left == pytest.approx(right, abs=1e-12)
+    assert left > 0.0
+
+
+@given(pitch=st.floats(-0.6, 0.6), roll=st.floats(-0.6, 0.6), yaw=angles)
+def test_a_tilted_camera_sees_the_same_bearing_once_its_ray_is_level(pitch: float, roll: float, yaw: float) -> None:
+    mount = se3.from_rpy([0.1, 0.0, 0.8], roll, pitch, yaw)
+    in_base = np.array([2.0, 0.7, -0.3])  # from the camera towards the landmark, in the base's axes
+    ray = mount[:3, :3].T @ in_base
+    bearings = observe(sightings(0, ["a"], ray), mount, LANDMARKS)
+    assert bearings.angles[0] == pytest.approx(math.atan2(0.7, 2.0), abs=1e-9)
+    assert bearings.origin.tolist() == [0.1, 0.0]
+
+
+def test_an_optical_frame_looks_along_z_with_x_to_the_right() -> None:
+    base_from_optical = np.eye(4)
+    base_from_optical[:3, :3] = [[0, 0, 1], [-1, 0, 0], [0, -1, 0]]
+    bearings = observe(sightings(0, ["a", "b"], [[0, 0, 1], [1, 0, 1]]), base_from_optical, LANDMARKS)
+    np.testing.assert_allclose(bearings.angles, [0.0, -math.pi / 4], atol=1e-12)
+
+
+def test_a_ray_straight_up_says_nothing_of_direction() -> None:
+    bearings = observe(sightings(0, ["a", "b"], [[0, 0, 1], [1, 0, 5]]), np.eye(4), LANDMARKS)
+    assert bearings.unknown == 1
+    assert bearings.landmarks.tolist() == [[1.0, 0.5]]
+
+
+def test_the_length_of_a_ray_does_not_count() -> None:
+    rays = level(0.3, -2.0) * [[1e-3], [40.0]]
+    got = observe(sightings(0, ["a", "b"], rays), np.eye(4), LANDMARKS)
+    np.testing.assert_allclose(got.angles, [0.3, -2.0], atol=1e-12)
+
+
+def test_a_standard_deviation_above_a_radian_is_refused() -> None:
+    with pytest.raises(UsageError, match="sigma_bearing"):
+        BearingParameters(sigma_bearing=1.1)
