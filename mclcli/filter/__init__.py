@@ -1,0 +1,1 @@
+"""The particle filter: pure functions over particles and weights; no files, no printing."""

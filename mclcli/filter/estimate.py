@@ -1,0 +1,43 @@
+"""From a weighted set of particles to a pose and how sure it is."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mclcli import se2
+from mclcli.records import Estimate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_CONVERGED_RADIUS = 0.5  # [m], as nav2_amcl's dist_threshold
+
+
+def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> Estimate:
+    """Mean with circular yaw, and covariance Σ W r rᵀ of r = (dx, dy, wrap(dyaw)), for poses (N, 3), weights (N,).
+
+    Source: Mardia and Jupp 2000, *Directional Statistics*, section 2.2 (mean direction).
+    """
+    position = np.sum(weights[:, np.newaxis] * poses[:, :2], axis=0)
+    yaw = np.arctan2(np.sum(weights * np.sin(poses[:, 2])), np.sum(weights * np.cos(poses[:, 2])))
+    mean = np.array([position[0], position[1], yaw])
+    residual = poses - mean
+    residual[:, 2] = se2.wrap(residual[:, 2])
+    return Estimate(mean, _covariance(residual, weights))
+
+
+def _covariance(residual: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Σ W r rᵀ by fixed-order sums: BLAS may order them by the number of its threads."""
+    covariance = np.empty((3, 3))
+    for i in range(3):
+        for j in range(i + 1):
+            covariance[i, j] = covariance[j, i] = np.sum(weights * residual[:, i] * residual[:, j])
+    return covariance
+
+
+def has_converged(poses: NDArray[np.float64], estimate: Estimate) -> bool:
+    """Whether every particle is within 0.5 m of the estimate in x and in y."""
+    offset = np.abs(poses[:, :2] - estimate.pose[:2])
+    return bool(offset.max() <= _CONVERGED_RADIUS)

@@ -1,0 +1,166 @@
+"""One step of Monte Carlo Localization: propagate → score → temper → normalise → estimate → resample.
+
+Source: Thrun, Burgard, Fox 2005, table 8.2, with weights carried in log domain between resamplings.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, final
+
+import numpy as np
+
+from mclcli import rng
+from mclcli.filter import estimate, policies, scoring, weights
+from mclcli.filter.resampling import RESAMPLERS
+from mclcli.parameters import parameter, validate
+from mclcli.records import StepRecord
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from mclcli.sensors import Measurement
+
+
+class MotionModel(Protocol):
+    """Moves particles by an odometry increment, with noise."""
+
+    def sample(
+        self, poses: NDArray[np.float64], increment: NDArray[np.float64], normals: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Poses (N, 3) after the increment (3,) in the base frame, with standard normals (N, 3) for the noise."""
+        ...
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class FilterParameters:
+    """Size and rhythm of the filter."""
+
+    particles: int = parameter(2000, "number of particles", low=1)
+    resampler: str = parameter("systematic", "how ancestors are drawn", choices=tuple(RESAMPLERS))
+    resample_ess: float = parameter(
+        0.5, "resample when the effective sample size falls below this share of the particles", low=0.0, high=1.0
+    )
+    update_min_d: float = parameter(0.25, "motion that calls for an update", unit="m", low=0.0, in_nav2=True)
+    update_min_a: float = parameter(0.2, "turn that calls for an update", unit="rad", low=0.0, in_nav2=True)
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class FilterState:
+    """Particles (N, 3) and their normalised log-weights (N,) between two steps."""
+
+    step: int
+    poses: NDArray[np.float64]
+    log_weights: NDArray[np.float64]
+
+
+def initial_state(poses: NDArray[np.float64], step: int = 0) -> FilterState:
+    """Equally weighted particles."""
+    return FilterState(step, poses, uniform_log_weights(poses.shape[0]))
+
+
+def uniform_log_weights(n: int) -> NDArray[np.float64]:
+    """log(1/n), n times."""
+    return np.full(n, -np.log(n))
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Localizer:
+    """A motion model, the filter's parameters and a seed: everything a step needs besides the data."""
+
+    motion: MotionModel
+    parameters: FilterParameters
+    seed: int
+
+    def step(
+        self,
+        state: FilterState,
+        increment: NDArray[np.float64],
+        measurements: Sequence[Measurement],
+        stamp_ns: int,
+        segment: int = 0,
+    ) -> tuple[FilterState, StepRecord]:
+        """Filter one update.
+
+        ``increment`` (3,) is the odometry since the last update, in the base frame; the measurements score poses of
+        the base at ``stamp_ns``. Weights that cannot be normalised leave the carried ones and flag the step.
+        """
+        poses = self._propagate(state, increment)
+        log_likelihoods = scoring.score(measurements, poses)
+        tempered = scoring.temper(measurements, log_likelihoods)
+        log_weights, degenerate = _reweight(state.log_weights, tempered)
+        record = self._record(state, poses, measurements, log_likelihoods, log_weights)
+        record = dataclasses.replace(record, stamp_ns=stamp_ns, segment=segment, degenerate=degenerate)
+        return self._resample(record) if record.resampled else _carry(record), record
+
+    def _propagate(self, state: FilterState, increment: NDArray[np.float64]) -> NDArray[np.float64]:
+        draws = rng.stream(self.seed, rng.Purpose.MOTION, state.step)
+        return self.motion.sample(state.poses, increment, draws.standard_normal(state.poses.shape))
+
+    def _record(
+        self,
+        state: FilterState,
+        poses: NDArray[np.float64],
+        measurements: Sequence[Measurement],
+        log_likelihoods: NDArray[np.float64],
+        log_weights: NDArray[np.float64],
+    ) -> StepRecord:
+        """Everything that the weights say; stamp, segment and flag are filled in by the step."""
+        normalised = weights.normalise(log_weights)
+        ess = weights.effective_sample_size(normalised)
+        belief = estimate.weighted_mean(poses, normalised)
+        log_evidence = weights.log_sum_exp(state.log_weights + log_likelihoods.sum(axis=0))
+        return StepRecord(
+            step=state.step,
+            stamp_ns=0,
+            poses=poses,
+            sensors=tuple(m.sensor for m in measurements),
+            alphas=tuple(m.alpha for m in measurements),
+            log_likelihoods=log_likelihoods,
+            log_weights=log_weights,
+            weights=normalised,
+            ess=ess,
+            log_evidence=log_evidence,
+            resampled=policies.is_depleted(ess, poses.shape[0], self.parameters.resample_ess),
+            degenerate=False,
+            beams_used=sum(m.count for m in measurements),
+            estimate=belief,
+            segment=0,
+            converged=estimate.has_converged(poses, belief),
+            reliability=_reliability(log_evidence, measurements),
+        )
+
+    def _resample(self, record: StepRecord) -> FilterState:
+        n = record.poses.shape[0]
+        draws = rng.stream(self.seed, rng.Purpose.RESAMPLE, record.step)
+        ancestors = RESAMPLERS[self.parameters.resampler](record.weights, n, draws)
+        return FilterState(record.step + 1, record.poses[ancestors], uniform_log_weights(n))
+
+
+def _reweight(carried: NDArray[np.float64], tempered: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
+    """log w_t = log w_{t−1} + Σ α · log p, and whether the measurement had to be ignored."""
+    log_weights = carried + tempered
+    return (log_weights, False) if weights.usable(log_weights) else (carried, True)
+
+
+def _carry(record: StepRecord) -> FilterState:
+    normalised = record.log_weights - weights.log_sum_exp(record.log_weights)
+    return FilterState(record.step + 1, record.poses, normalised)
+
+
+def _reliability(log_evidence: float, measurements: Sequence[Measurement]) -> float:
+    """Geometric mean over beams and sightings of the likelihood relative to a perfect fit."""
+    count = sum(m.count for m in measurements)
+    if count == 0 or not np.isfinite(log_evidence):
+        return 0.0
+    peak = sum(m.log_peak for m in measurements)
+    return float(np.exp(min(0.0, (log_evidence - peak) / count)))

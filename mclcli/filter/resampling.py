@@ -1,0 +1,54 @@
+"""Resampling schemes, one signature: (weights (N,), n, rng) → ancestors (n,) int64, indices into the weights.
+
+All are unbiased: particle i is drawn n·W_i times on average. Weights are ≥ 0 and sum to 1.
+Source: Douc, Cappé, Moulines 2005.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+_BELOW_ONE = np.nextafter(1.0, 0.0)  # (n − 1 + u) / n rounds up to 1 for the u nearest to 1
+
+
+class Resampler(Protocol):
+    """Draws ancestors in proportion to their weights."""
+
+    def __call__(self, weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+        """Ancestors (n,) int64, ascending."""
+        ...
+
+
+def systematic(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """One random offset, n equally spaced pointers: every particle is drawn ⌊nW⌋ or ⌈nW⌉ times."""
+    return _ancestors(weights, (np.arange(n) + rng.random()) / n)
+
+
+def stratified(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """One pointer drawn from each of n equal strata."""
+    return _ancestors(weights, (np.arange(n) + rng.random(n)) / n)
+
+
+def multinomial(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """n independent draws, as ordered uniforms from normalised exponential spacings, O(n)."""
+    spacings = np.cumsum(rng.standard_exponential(n + 1))
+    return _ancestors(weights, spacings[:-1] / spacings[-1])
+
+
+def _ancestors(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> NDArray[np.int64]:
+    cumulative = np.cumsum(weights)
+    cumulative /= cumulative[-1]  # the last entry is exactly 1, so that no pointer < 1 falls off the end
+    return np.searchsorted(cumulative, np.minimum(pointers, _BELOW_ONE), side="right")
+
+
+RESAMPLERS: dict[str, Resampler] = {
+    "systematic": systematic,
+    "stratified": stratified,
+    "multinomial": multinomial,
+}

@@ -1,0 +1,35 @@
+"""Weights in log domain."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def log_sum_exp(values: NDArray[np.float64]) -> float:
+    """log Σ e^v without overflow; −inf for all −inf. NaN and +inf pass through."""
+    peak = float(np.max(values))
+    if not np.isfinite(peak):
+        return peak
+    return peak + float(np.log(np.sum(np.exp(values - peak))))
+
+
+def normalise(log_weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weights (N,) proportional to e^log_weights, summing to 1 ± 1e-12; they must be ``usable``."""
+    weights: NDArray[np.float64] = np.exp(log_weights - np.max(log_weights))
+    weights /= np.sum(weights)
+    return weights
+
+
+def usable(log_weights: NDArray[np.float64]) -> bool:
+    """Whether weights can be normalised: no NaN, no +inf, not all −inf."""
+    return bool(np.isfinite(np.max(log_weights)))  # the maximum of an array with a NaN is NaN
+
+
+def effective_sample_size(weights: NDArray[np.float64]) -> float:
+    """1 / ΣW², between 1 and N. Source: Kong, Liu, Wong 1994."""
+    return 1.0 / float(np.sum(weights * weights))

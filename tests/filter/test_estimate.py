@@ -1,0 +1,117 @@
+"""From particles to a pose and its covariance."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mclcli import se2
+from mclcli.filter import estimate, policies
+from tests.reference import filter as naive
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+PI = math.pi
+rows = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-PI, PI), st.floats(0.001, 1.0))
+clouds = st.lists(rows, min_size=1, max_size=30).map(np.array)
+
+
+def halves(cloud: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return cloud[:, :3], cloud[:, 3] / cloud[:, 3].sum()
+
+
+@given(clouds)
+def test_covariance_is_symmetric_and_has_no_negative_direction(cloud: NDArray[np.float64]) -> None:
+    covariance = estimate.weighted_mean(*halves(cloud)).covariance
+    assert (covariance == covariance.T).all()
+    assert np.linalg.eigvalsh(covariance).min() >= -1e-9 * max(1.0, np.trace(covariance))
+    assert (np.diag(covariance) >= 0.0).all()
+
+
+@pytest.mark.parametrize("yaw_spread", [0.1, 2.0])
+def test_mean_and_covariance_agree_with_the_equation(yaw_spread: float) -> None:
+    generator = np.random.default_rng(5)
+    poses = generator.normal([3.0, -2.0, 3.0], [0.5, 0.2, yaw_spread], (200, 3))
+    poses[:, 2] = se2.wrap(poses[:, 2])
+    weights = generator.dirichlet(np.ones(200))
+    got = estimate.weighted_mean(poses, weights)
+    mean, covariance = naive.mean_and_covariance(poses.tolist(), weights.tolist())
+    np.testing.assert_allclose(got.pose, mean, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(got.covariance, covariance, rtol=0, atol=1e-9)
+
+
+@given(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.floats(-3.14, 3.14)).map(np.array))
+def test_one_particle_is_the_estimate_and_knows_no_doubt(pose: NDArray[np.float64]) -> None:
+    got = estimate.weighted_mean(pose[np.newaxis], np.ones(1))
+    np.testing.assert_allclose(got.pose, pose, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(got.covariance, np.zeros((3, 3)), rtol=0, atol=1e-24)
+
+
+def test_headings_on_both_sides_of_pi_meet_at_pi() -> None:
+    poses = np.array([[0.0, 0.0, PI - 0.1], [0.0, 0.0, -PI + 0.3]])
+    got = estimate.weighted_mean(poses, np.array([0.5, 0.5]))
+    assert got.pose[2] == pytest.approx(-PI + 0.1, abs=1e-12)
+    assert got.covariance[2, 2] == pytest.approx(0.04, abs=1e-12)
+
+
+def test_weight_pulls_the_mean() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [1.0, 2.0, 0.2]])
+    got = estimate.weighted_mean(poses, np.array([0.75, 0.25]))
+    np.testing.assert_allclose(got.pose[:2], [0.25, 0.5])
+    assert got.covariance[0, 1] == pytest.approx(0.75 * 0.25 * 2.0)
+
+
+@given(clouds, st.tuples(st.floats(-50, 50), st.floats(-50, 50)), st.floats(-PI, PI))
+def test_moving_all_particles_moves_the_estimate(
+    cloud: NDArray[np.float64], shift: tuple[float, float], yaw: float
+) -> None:
+    poses, weights = halves(cloud)
+    if abs(np.sum(weights * np.exp(1j * poses[:, 2]))) < 0.1:
+        return  # headings that cancel have no mean
+    turn = np.array([*shift, yaw])
+    here, there = estimate.weighted_mean(poses, weights), estimate.weighted_mean(se2.compose(turn, poses), weights)
+    difference = there.pose - se2.compose(turn, here.pose)
+    assert np.abs(difference[:2]).max() < 1e-9
+    assert abs(float(se2.wrap(difference[2]))) < 1e-9
+
+
+def test_far_origins_cost_the_covariance_nothing() -> None:
+    poses = np.random.default_rng(1).normal(0.0, 0.01, (500, 3))
+    weights = np.full(500, 1 / 500)
+    near = estimate.weighted_mean(poses, weights).covariance
+    far = estimate.weighted_mean(poses + [5e6, 5e6, 0.0], weights).covariance
+    np.testing.assert_allclose(far, near, rtol=1e-4)
+
+
+def test_a_cloud_has_converged_once_all_are_within_half_a_metre() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 2.0], [0.0, -0.4, 1.0]])
+    centre = estimate.weighted_mean(poses, np.array([1.0, 0.0, 0.0]))
+    assert estimate.has_converged(poses, centre)
+    assert not estimate.has_converged(np.vstack([poses, [[0.0, 0.6, 0.0]]]), centre)
+
+
+@pytest.mark.parametrize(
+    ("increment", "moved"),
+    [
+        ([0.2, 0.1, 0.1], False),
+        ([0.25, 0.0, 0.0], True),
+        ([-0.25, 0.0, 0.0], True),
+        ([0.2, 0.2, 0.0], True),
+        ([0.0, 0.0, 0.2], True),
+        ([0.0, 0.0, -0.2], True),
+        ([0.0, 0.0, 0.0], False),
+    ],
+)
+def test_the_gate(increment: list[float], moved: bool) -> None:  # noqa: FBT001
+    assert policies.has_moved(np.array(increment), 0.25, 0.2) is moved
+
+
+def test_few_effective_particles_call_for_resampling() -> None:
+    assert policies.is_depleted(49.9, 100, 0.5)
+    assert not policies.is_depleted(50.0, 100, 0.5)

@@ -1,0 +1,128 @@
+"""Where particles start, and regular sets of poses over a map."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mclcli import se2
+from mclcli.errors import InputError
+from mclcli.filter import lattice, particles
+from mclcli.filter.start import STATED_SPREAD, AlongPoses, Anywhere, AroundPose
+from mclcli.motion.odometry import OdometryPath
+from mclcli.records import StampedPose
+from tests.support import SECOND, drawn
+
+GRID = drawn("#.. .?.", 0.5, (1.0, -2.0, 0.4))
+EMPTY = OdometryPath()
+
+
+def generator() -> np.random.Generator:
+    return np.random.default_rng(12)
+
+
+def test_a_gaussian_cloud_has_the_covariance_asked_for() -> None:
+    covariance = np.array([[0.25, 0.1, 0.0], [0.1, 0.09, 0.02], [0.0, 0.02, 0.04]])
+    cloud = particles.gaussian(np.array([1.0, 2.0, 0.5]), covariance, 60_000, generator())
+    np.testing.assert_allclose(cloud.mean(axis=0), [1.0, 2.0, 0.5], atol=0.01)
+    np.testing.assert_allclose(np.cov(cloud.T), covariance, atol=0.005)
+
+
+def test_no_spread_puts_every_particle_on_the_pose() -> None:
+    cloud = particles.gaussian(np.array([1.0, 2.0, math.pi]), np.zeros((3, 3)), 5, generator())
+    assert cloud.tolist() == [[1.0, 2.0, math.pi]] * 5
+
+
+def test_yaw_near_pi_is_wrapped() -> None:
+    cloud = particles.gaussian(np.array([0.0, 0.0, 3.1]), np.diag([0, 0, 0.04]), 1000, generator())
+    assert ((cloud[:, 2] > -math.pi) & (cloud[:, 2] <= math.pi)).all()
+    assert 0.2 < (cloud[:, 2] < 0).mean() < 0.6
+
+
+def test_uniform_particles_fill_free_cells_only_and_evenly() -> None:
+    cloud = particles.uniform(GRID, 40_000, generator())
+    cells = np.floor(GRID.to_cells(cloud[:, :2])).astype(int)
+    assert GRID.free[cells[:, 1], cells[:, 0]].all()
+    _, counts = np.unique(cells, axis=0, return_counts=True)
+    np.testing.assert_allclose(counts / 40_000, np.full(4, 0.25), atol=0.015)
+    assert ((cloud[:, 2] > -math.pi) & (cloud[:, 2] <= math.pi)).all()
+    assert abs(np.exp(1j * cloud[:, 2]).mean()) < 0.02
+
+
+def test_a_map_without_a_free_cell_is_an_error() -> None:
+    with pytest.raises(InputError, match="no cell is free"):
+        Anywhere(drawn("#? ##")).place(0, EMPTY, 10, generator())
+
+
+def test_around_a_pose_holds_at_any_stamp() -> None:
+    start = AroundPose(np.array([1.0, 2.0, 0.5]), particles.DEFAULT_SPREAD)
+    first, later = (start.place(stamp, EMPTY, 500, generator()) for stamp in (0, 10**18))
+    assert first.tobytes() == later.tobytes()
+    np.testing.assert_allclose(first.std(axis=0), [0.5, 0.5, math.radians(15)], rtol=0.15)
+
+
+def stated(seconds: float, *pose: float, covariance: np.ndarray | None = None) -> StampedPose:  # type: ignore[type-arg]
+    return StampedPose(int(seconds * SECOND), "map", np.array(pose), covariance)
+
+
+EXACTLY = np.zeros((3, 3))
+
+
+def test_before_the_first_stated_pose_there_is_no_start() -> None:
+    start = AlongPoses([stated(5, 1, 2, 3)])
+    assert start.place(5 * SECOND - 1, EMPTY, 3, generator()) is None
+    assert start.place(5 * SECOND, EMPTY, 3, generator()) is not None
+
+
+def test_between_two_close_stated_poses_the_start_is_interpolated() -> None:
+    start = AlongPoses([stated(1.5, 2, 0, 0.2), stated(1, 1, 0, 0, covariance=EXACTLY)])
+    cloud = start.place(int(1.25 * SECOND), EMPTY, 2, generator())
+    assert cloud is not None
+    np.testing.assert_allclose(cloud[0], se2.interpolate([1, 0, 0], [2, 0, 0.2], 0.5), atol=1e-12)
+
+
+def test_a_lone_stated_pose_is_carried_on_by_odometry() -> None:
+    path = OdometryPath()
+    path.append(0, np.array([10.0, 0.0, 0.0]))
+    path.append(4 * SECOND, np.array([14.0, 0.0, 0.0]))
+    start = AlongPoses([stated(1, 5, 5, math.pi / 2, covariance=EXACTLY)])
+    cloud = start.place(3 * SECOND, path, 2, generator())
+    assert cloud is not None
+    np.testing.assert_allclose(cloud[0], [5.0, 7.0, math.pi / 2], atol=1e-12)
+
+
+def test_a_stated_pose_without_covariance_is_taken_as_good() -> None:
+    cloud = AlongPoses([stated(0, 0, 0, 0)]).place(0, EMPTY, 5000, generator())
+    assert cloud is not None
+    np.testing.assert_allclose(np.cov(cloud.T), STATED_SPREAD, atol=0.001)
+
+
+def test_a_lattice_lies_on_free_cells_at_multiples_of_its_step() -> None:
+    grid = drawn("..# ... #..", 1.0, (-1.0, -1.0, 0.0))
+    points = lattice.positions(grid, 0.5)
+    np.testing.assert_array_equal(points, np.rint(points * 2) / 2)
+    expected = {
+        (x / 2, y / 2)
+        for x in range(-2, 4)
+        for y in range(-2, 4)
+        if grid.free[int(y / 2 + 1), int(x / 2 + 1)]
+    }
+    assert {tuple(point) for point in points.tolist()} == expected
+
+
+@pytest.mark.parametrize(("step", "count"), [(math.pi / 2, 4), (math.tau, 1), (1.0, 7), (math.radians(1), 360)])
+def test_headings_go_round_evenly(step: float, count: int) -> None:
+    yaws = lattice.headings(step)
+    assert yaws.size == count
+    assert 0.0 in yaws
+    assert ((yaws > -math.pi) & (yaws <= math.pi)).all()
+    np.testing.assert_allclose(np.diff(yaws), math.tau / count)
+
+
+def test_every_heading_stands_at_every_position() -> None:
+    grid = drawn("..", 1.0)
+    got = lattice.poses(grid, 1.0, math.pi)
+    points, yaws = lattice.positions(grid, 1.0), lattice.headings(math.pi)
+    assert got.tolist() == [[*point, yaw] for point in points.tolist() for yaw in yaws.tolist()]
