@@ -1,0 +1,150 @@
+"""What every container of messages looks like from outside: channels, raw messages, damage, and the running count."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol, final
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """One stream of messages in a log.
+
+    ``type`` is always written as in ROS 2 (``sensor_msgs/msg/LaserScan``). ``encoding`` is ``cdr``, ``ros1`` or
+    what the file says (``json``…). ``definition`` is the recorded message definition, ``digest`` the ROS 1 md5sum;
+    both empty where the container has none. ``latched`` marks transient-local or latched publishers.
+    """
+
+    topic: str
+    type: str
+    encoding: str
+    definition: str = ""
+    digest: str = ""
+    latched: bool = False
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """One message as recorded, not decoded."""
+
+    channel: Channel
+    log_time_ns: int
+    data: bytes
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class PassedOver:
+    """Messages of one channel that were there, whole, and not wanted: a count in place of their contents."""
+
+    channel: Channel
+    messages: int
+    first_ns: int
+    last_ns: int
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Damage:
+    """Bytes of a file that could not be used, reported in place of the messages they held.
+
+    ``lossless`` damage (bytes after the end, a damaged summary) costs a warning but no data. ``messages`` is
+    how many messages are known to be lost, None if unknown; ``first_ns``/``last_ns`` the span they covered, if known.
+    """
+
+    source: str
+    offset: int
+    what: str
+    messages: int | None = None
+    first_ns: int | None = None
+    last_ns: int | None = None
+    lossless: bool = False
+
+    def describe(self, origin_ns: int | None) -> str:
+        """One line for the user, times in seconds after ``origin_ns`` (the log's first message)."""
+        if self.lossless:
+            return f"{self.source}: {self.what}"
+        span = ""
+        if self.first_ns is not None and self.last_ns is not None:
+            start = self.first_ns if origin_ns is None else origin_ns
+            span = f" ({(self.first_ns - start) / 1e9:.1f}–{(self.last_ns - start) / 1e9:.1f} s)"
+        if self.messages is None:
+            return f"{self.source}: {self.what}" + (f"; messages{span} skipped" if span else "")
+        return f"{self.source}: {self.what}; {self.messages} message{'s'[: self.messages != 1]}{span} skipped"
+
+
+Item = Channel | RawMessage | PassedOver | Damage
+
+
+class Container(Protocol):
+    """A file of messages. Reading never raises for damaged content: it yields ``Damage`` and goes on."""
+
+    @property
+    def source(self) -> str:
+        """Base name of the file, for messages to the user."""
+        ...
+
+    def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
+        """Everything in file order, from the start; each channel before its first message.
+
+        Messages of channels that are not ``wanted`` come as ``PassedOver``: the very first at once (it may be the
+        first message of the log), the others summed up when convenient.
+        """
+        ...
+
+
+@final
+@dataclass(slots=True)
+class Tally:
+    """What became of every message of a log; filled while the log is read (the one mutable thing here).
+
+    ``read`` counts messages handed out, by topic; ``skipped`` those that were not used, by topic and reason; ``notes``
+    what was changed or left out in messages that were used. ``first_ns``/``last_ns`` span all messages seen so far,
+    wanted or not.
+    """
+
+    read: dict[str, int] = field(default_factory=dict)
+    skipped: dict[str, dict[str, int]] = field(default_factory=dict)
+    notes: dict[str, dict[str, int]] = field(default_factory=dict)
+    damages: list[Damage] = field(default_factory=list)
+    channels: list[Channel] = field(default_factory=list)
+    first_ns: int | None = None
+    last_ns: int | None = None
+    undecodable: int = 0
+
+    @property
+    def lossy(self) -> bool:
+        """Whether messages were damaged, missing or undecodable (exit code 3)."""
+        return self.undecodable > 0 or any(not damage.lossless for damage in self.damages)
+
+    def saw(self, first_ns: int, last_ns: int) -> None:
+        """Widen the span of the log."""
+        if self.first_ns is None or first_ns < self.first_ns:
+            self.first_ns = first_ns
+        if self.last_ns is None or last_ns > self.last_ns:
+            self.last_ns = last_ns
+
+    def skip(self, topic: str, reason: str, messages: int = 1) -> int:
+        """Count messages that were not handed out; returns how many have this reason now."""
+        return _add(self.skipped, topic, reason, messages)
+
+    def reject(self, topic: str, reason: str) -> int:
+        """Turn one message that was read into a skipped one, because it cannot be decoded."""
+        self.read[topic] = self.read.get(topic, 1) - 1
+        self.undecodable += 1
+        return self.skip(topic, reason)
+
+    def note(self, topic: str, reason: str, count: int = 1) -> int:
+        """Count something changed or left out in messages that were used; returns the new count."""
+        return _add(self.notes, topic, reason, count)
+
+
+def _add(table: dict[str, dict[str, int]], topic: str, reason: str, count: int) -> int:
+    row = table.setdefault(topic, {})
+    row[reason] = row.get(reason, 0) + count
+    return row[reason]

@@ -1,0 +1,239 @@
+"""rosbag2's SQLite files (.db3), read without leaving a trace beside them.
+
+The file is opened immutable, so that SQLite creates no -wal or -shm. Where such a file stands beside it with content,
+database and journal are copied to a temporary folder and read there. Where pages are damaged, reading goes on behind
+them. Source: rosbag2_storage_sqlite3; SQLite database file format, https://sqlite.org/fileformat2.html.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+import sqlite3
+import struct
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, final
+
+from mclcli.io.logs.base import Channel, Item, RawMessage
+from mclcli.io.logs.inflate import CHUNK_LIMIT
+from mclcli.io.logs.lanes import Lanes
+from mclcli.io.logs.mcap_records import is_latched, ros2_name
+from mclcli.io.logs.report import Report
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+_ROWS = 256  # messages fetched at a time
+_HOLES = 200  # damaged places that are walked around before giving up
+_FILLER = bytes.fromhex("9f3a00c1e75bd204868dfe11a97c3360")  # what missing pages are filled with
+_FILLED = 1 << 26  # bytes of missing pages filled so; no message reaches farther
+_FARTHEST = 1 << 62  # ids above this are not looked for
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Db3File:
+    """A rosbag2 SQLite file, messages in the order of their ids (as they were written)."""
+
+    source: str
+    path: Path
+
+    def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
+        """Channels, messages and damage in file order (see ``Container``)."""
+        report = Report(self.source)
+        missing = missing_bytes(self.path)
+        if missing:  # the rest is read from a copy, filled up to its stated length
+            what = f"file ends {missing} bytes before its last page; it was cut off"
+            yield report.lost(self.path.stat().st_size, what)
+        with _readable(self.path, missing) as (path, immutable):
+            uri = f"{path.absolute().as_uri()}?{'immutable=1&' if immutable else ''}mode={'ro' if immutable else 'rw'}"
+            with contextlib.closing(sqlite3.connect(uri, uri=True)) as database:
+                yield from _Scan(database, Lanes(wanted), report).run()
+
+
+@final
+@dataclass(slots=True)
+class _Scan:
+    """One pass over an open database."""
+
+    database: sqlite3.Connection
+    lanes: Lanes
+    report: Report
+    last_id: int = -_FARTHEST  # last message read
+    last_ns: int | None = None
+    rows_read: int = 0
+    odd: int = 0  # rows whose columns have the wrong types
+
+    def run(self) -> Iterator[Item]:
+        """Yield everything."""
+        self.database.text_factory = lambda raw: raw.decode("utf-8", "replace")
+        try:
+            self.harden()
+            self.check_tables()
+            yield from self.channels()
+        except (sqlite3.Error, ValueError) as error:
+            yield self.report.lost(0, f"cannot be read as a rosbag2 database ({error})")
+            return
+        yield from self.messages()
+        yield from self.lanes.report()
+        if self.odd:
+            yield self.report.lost(0, "rows without a topic, a time or data", self.odd)
+        yield from self.report.totals(0, self.rows_read, self.indexed(), 0)
+
+    def indexed(self) -> int | None:
+        """Messages that the index over their times counts, None where there is no such index."""
+        try:
+            query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx"
+            return int(self.database.execute(query).fetchone()[0])
+        except sqlite3.Error:
+            return None
+
+    def harden(self) -> None:
+        """Take the database for hostile: no functions from its schema, no blob larger than a chunk may be."""
+        self.database.execute("PRAGMA trusted_schema=OFF")
+        self.database.execute("PRAGMA cell_size_check=ON")
+        self.database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, CHUNK_LIMIT)
+
+    def check_tables(self) -> None:
+        """Only plain tables are read: a view could compute for ever."""
+        rows = self.database.execute("SELECT name, type, sql FROM sqlite_master").fetchall()
+        plain = {name for name, kind, sql in rows if kind == "table" and "VIRTUAL" not in str(sql)[:20].upper()}
+        for table in ("topics", "messages"):
+            if table not in plain:
+                raise ValueError(f"it has no table {table}")
+
+    def channels(self) -> Iterator[Channel]:
+        """Topics with their types, and definitions where the file has them (since Iron)."""
+        definitions: dict[str, str] = {}
+        with contextlib.suppress(sqlite3.Error):  # older files have no such table
+            definitions = dict(
+                self.database.execute("SELECT topic_type, encoded_message_definition FROM message_definitions")
+            )
+        for row in self.database.execute("SELECT * FROM topics"):
+            number, name, kind, encoding, *rest = row
+            if isinstance(number, int) and all(isinstance(text, str) for text in row[1:4]):
+                qos = str(rest[0]) if rest else ""
+                text = str(definitions.get(kind, ""))
+                channel = Channel(name, ros2_name(kind), encoding, text, latched=is_latched(qos))
+                if self.lanes.add(number, channel):
+                    yield channel
+
+    def messages(self) -> Iterator[Item]:
+        """All messages; damaged pages are walked around."""
+        for _ in range(_HOLES):
+            try:
+                yield from self.rows()
+            except sqlite3.DatabaseError:
+                first, before = self.last_id + 1, self.last_ns
+                found = self.next_readable(first)
+                yield self.report.lost(0, "pages of the database are damaged", None, before, found and found[1])
+                if found is None:
+                    return
+                self.last_id = found[0] - 1
+            else:
+                return
+        yield self.report.lost(0, f"more than {_HOLES} places are damaged; reading stopped")
+
+    def rows(self) -> Iterator[Item]:
+        """Messages after the last one read, until the end or the first damage."""
+        query = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
+        cursor = self.database.execute(query, (self.last_id,))
+        cursor.arraysize = _ROWS
+        lanes = self.lanes.by_number
+        for number, topic, stamp, data in cursor:
+            self.last_id = number
+            self.rows_read += 1
+            lane = lanes.get(topic)
+            if (
+                lane is None
+                or type(stamp) is not int
+                or type(data) is not bytes
+                or (self.report.hurt and _FILLER in data)
+            ):
+                self.odd += 1
+                continue
+            self.last_ns = stamp
+            if lane.wanted:
+                yield RawMessage(lane.channel, stamp, data)
+            else:
+                lane.pass_over(stamp)
+                if not self.lanes.reported:
+                    yield from self.lanes.report()
+
+    def next_readable(self, first: int) -> tuple[int, int | None] | None:
+        """Id and time of the first message at or after ``first`` that can be read again."""
+        bad, step = first, 1
+        while (found := self.probe(bad + step)) is None:
+            bad, step = bad + step, 2 * step
+            if step > _FARTHEST:
+                return None
+        low, high = bad, bad + step  # probe(low) fails, probe(high) answers
+        while high - low > 1:
+            middle = (low + high) // 2
+            answer = self.probe(middle)
+            low, high, found = (middle, high, found) if answer is None else (low, middle, answer)
+        return found if found[0] >= first else None
+
+    def probe(self, number: int) -> tuple[int, int | None] | None:
+        """Message at or after an id, None where the database is damaged; beyond the last: as if at the end."""
+        query = "SELECT id, timestamp, data FROM messages WHERE id >= ? ORDER BY id LIMIT 1"
+        try:
+            row = self.database.execute(query, (number,)).fetchone()
+        except sqlite3.DatabaseError:
+            return None
+        return (row[0], row[1] if type(row[1]) is int else None) if row else (_FARTHEST, None)
+
+
+def missing_bytes(path: Path) -> int:
+    """Bytes that the database header counts beyond the end of the file; 0 for a whole file."""
+    with path.open("rb") as stream:
+        header = stream.read(100)
+    if len(header) < 100 or journals(path):
+        return 0
+    changes, pages = struct.unpack_from(">II", header, 24)
+    (valid_for,) = struct.unpack_from(">I", header, 92)
+    if changes != valid_for:  # the page count was not kept up to date
+        return 0
+    return int(max(0, _page_size(header) * pages - path.stat().st_size))
+
+
+def _page_size(header: bytes) -> int:
+    (page,) = struct.unpack_from(">H", header, 16)
+    return 65536 if page == 1 else int(page)
+
+
+def journals(path: Path) -> list[Path]:
+    """Files with content beside a database that belong to it."""
+    candidates = (path.with_name(path.name + suffix) for suffix in ("-wal", "-journal"))
+    return [file for file in candidates if file.is_file() and file.stat().st_size > 0]
+
+
+@contextlib.contextmanager
+def _readable(path: Path, missing: int) -> Iterator[tuple[Path, bool]]:
+    """Path to read and whether to open it immutable: the file itself, or a copy with its journals or missing pages."""
+    beside = journals(path)
+    if not beside and not missing:
+        yield path, True
+        return
+    with tempfile.TemporaryDirectory(prefix="mcl-") as folder:
+        copy = Path(shutil.copyfile(path, Path(folder) / path.name))
+        for file in beside:
+            shutil.copyfile(file, copy.with_name(file.name))
+        if missing:
+            _fill_up(copy, missing)
+        yield copy, not beside
+
+
+def _fill_up(path: Path, missing: int) -> None:
+    """Lengthen a cut database to its stated length, in a way that shows in every message that reached into the cut."""
+    with path.open("r+b") as stream:
+        page = max(512, _page_size(stream.read(100)))
+        size = path.stat().st_size
+        if missing > 1000 * size:
+            return
+        start = size - size % page
+        stream.seek(start)
+        stream.write(_FILLER * (min(size + missing - start, _FILLED) // len(_FILLER)))
+        stream.truncate(size + missing)  # zeros behind, as sparse as the file system can

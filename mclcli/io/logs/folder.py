@@ -1,0 +1,64 @@
+"""Which files of a folder make up its log."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from mclcli.errors import InputError
+from mclcli.io.logs.base import Damage
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_METADATA_LIMIT = 1 << 24  # bytes of metadata.yaml that are looked at
+_KINDS = (".mcap", ".db3", ".bag", ".active")
+
+
+def files_of(folder: Path) -> tuple[list[Path], list[Damage]]:
+    """Files of a rosbag2 folder in recorded order, and a Damage for each that its metadata.yaml names in vain.
+
+    Without metadata.yaml: all files of the first kind there is (.mcap, .db3, .bag), numbers in their names in order.
+    Raises InputError for a folder without any.
+    """
+    listed = _listed(folder)
+    found = [(name, _locate(folder, name)) for name in listed]
+    files = [path for _, path in found if path is not None] or _by_name(folder)
+    if not files:
+        raise InputError(f"{folder.name}: folder holds no log (no .mcap, .db3 or .bag file); name the log itself")
+    gone = [name for name, path in found if path is None]
+    return files, [Damage(folder.name, 0, f"{name}, listed in metadata.yaml, is not there") for name in gone]
+
+
+def _listed(folder: Path) -> list[str]:
+    """Entries of ``relative_file_paths`` in metadata.yaml, in order.
+
+    rosbag2 writes that list one entry a line; anything else counts as no list, and the file names decide. So nothing
+    of a YAML file has to be built from a log that may be hostile.
+    """
+    path = folder / "metadata.yaml"
+    if not path.is_file():
+        return []
+    with path.open("rb") as stream:
+        text = stream.read(_METADATA_LIMIT).decode("utf-8", "replace")
+    block = re.search(r"^ *relative_file_paths: *\r?\n((?: *- +\S.*\n?)+)", text, re.MULTILINE)
+    entries = re.findall(r"^ *- +(.*?)\s*$", block[1], re.MULTILINE) if block else []
+    return [entry.strip("\"'") for entry in entries]
+
+
+def _locate(folder: Path, name: str) -> Path | None:
+    """File for an entry: its base name within the folder (old bags list longer paths), compressed or not."""
+    base = name.replace("\\", "/").rpartition("/")[2]
+    candidates = (folder / base, folder / f"{base}.zstd", folder / base.removesuffix(".zstd"))
+    return next((path for path in candidates if base and path.is_file()), None)
+
+
+def _by_name(folder: Path) -> list[Path]:
+    files = sorted((path for path in folder.iterdir() if path.is_file()), key=_natural)
+    of_kind = ([path for path in files if path.name.removesuffix(".zstd").endswith(kind)] for kind in _KINDS)
+    return next((some for some in of_kind if some), [])
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sort key under which x_9 comes before x_10."""
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in re.split(r"(\d+)", path.name)]

@@ -1,0 +1,143 @@
+"""A log: one file or several, as one stream of messages in log-time order, with everything counted."""
+
+from __future__ import annotations
+
+import hashlib
+import heapq
+import logging
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+from mclcli.errors import InputError
+from mclcli.io.logs.base import Channel, Damage, PassedOver, RawMessage
+from mclcli.io.logs.reorder import reorder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from mclcli.io.logs.base import Container, Tally
+
+NOT_WANTED = "not needed"
+"""Reason under which messages of topics that nobody asked for are counted as skipped."""
+LATE = "came over 1 s late; kept in file order"
+"""Note under which messages are counted that the reordering could not put in their place."""
+_WARNINGS = 20  # damages told one by one
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Log:
+    """Files that make up one log. ``seekable`` logs can be read again and again, streamed ones once.
+
+    ``names`` are for messages to the user; ``paths`` the files read, empty for a stream; ``missing`` what was already
+    found wrong when the log was opened.
+    """
+
+    containers: tuple[Container, ...]
+    paths: tuple[Path, ...]
+    seekable: bool
+    missing: tuple[Damage, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Base names of the files."""
+        return tuple(container.source for container in self.containers)
+
+    def messages(
+        self, wanted_topics: frozenset[str] | None, tally: Tally, *, strict: bool = False, announce: bool = True
+    ) -> Iterator[RawMessage]:
+        """Messages of the wanted topics (None: of all), from the start, in order of log time, ties in file order.
+
+        ``tally`` is filled meanwhile, and each damage is warned of unless ``announce`` is off (a second reading).
+        Raises InputError at the first damage if ``strict``, when the file cannot be read at all, and when a stream is
+        read a second time.
+        """
+        wanted = None if wanted_topics is None else _in(wanted_topics)
+        intake = _Intake(tally, strict, announce)
+        for damage in self.missing:
+            intake.damage(damage)
+        streams = [reorder(intake.messages(container, wanted), intake.late) for container in self.containers]
+        merged = streams[0] if len(streams) == 1 else heapq.merge(*streams, key=lambda message: message.log_time_ns)
+        read = tally.read
+        for message in merged:
+            topic = message.channel.topic
+            read[topic] = read.get(topic, 0) + 1
+            yield message
+
+    def digest(self) -> str:
+        """SHA-256 over the contents of the files, one after the other (as ``cat FILES | sha256sum``); '' for a stream.
+
+        Raises InputError if a file cannot be read.
+        """
+        if not self.seekable:
+            return ""
+        total = hashlib.sha256()
+        for path in self.paths:
+            try:
+                with path.open("rb") as stream:
+                    while block := stream.read(1 << 20):
+                        total.update(block)
+            except OSError as error:
+                raise unreadable(path.name, error) from error
+        return total.hexdigest()
+
+
+@final
+@dataclass(slots=True)
+class _Intake:
+    """Sorts what a container yields: messages on, everything else into the tally."""
+
+    tally: Tally
+    strict: bool
+    announce: bool
+    told_late: bool = False
+
+    def messages(self, container: Container, wanted: Callable[[Channel], bool] | None) -> Iterator[RawMessage]:
+        """Messages of one container."""
+        tally = self.tally
+        try:
+            for item in container.items(wanted):
+                if isinstance(item, RawMessage):
+                    tally.saw(item.log_time_ns, item.log_time_ns)
+                    yield item
+                elif isinstance(item, PassedOver):
+                    tally.saw(item.first_ns, item.last_ns)
+                    tally.skip(item.channel.topic, NOT_WANTED, item.messages)
+                elif isinstance(item, Damage):
+                    self.damage(item)
+                elif item not in tally.channels:
+                    tally.channels.append(item)
+        except OSError as error:
+            raise unreadable(container.source, error) from error
+
+    def damage(self, damage: Damage) -> None:
+        """Count, and warn or stop."""
+        origin = min((ns for ns in (self.tally.first_ns, damage.first_ns) if ns is not None), default=None)
+        text = damage.describe(origin)
+        if self.strict:
+            raise InputError(f"{text}; leave --strict out to use the rest")
+        self.tally.damages.append(damage)
+        if not self.announce:
+            return
+        if len(self.tally.damages) <= _WARNINGS:
+            logging.getLogger("mclcli").warning("%s", text)
+        elif len(self.tally.damages) == _WARNINGS + 1:
+            logging.getLogger("mclcli").warning("%s: more damage follows; it is counted, not told", damage.source)
+
+    def late(self, message: RawMessage) -> None:
+        """Note a message that came too late to be put in order."""
+        self.tally.note(message.channel.topic, LATE)
+        if self.announce and not self.told_late:
+            self.told_late = True
+            text = "messages on %s are more than 1 s late; they are used where they stand in the file"
+            logging.getLogger("mclcli").warning(text, message.channel.topic)
+
+
+def unreadable(name: str, error: OSError) -> InputError:
+    """Error for a file that the system does not let us read."""
+    return InputError(f"{name}: cannot be read ({error.strerror or error}); check the file and its permissions")
+
+
+def _in(topics: frozenset[str]) -> Callable[[Channel], bool]:
+    return lambda channel: channel.topic in topics

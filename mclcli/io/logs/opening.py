@@ -1,0 +1,112 @@
+"""From what the user named to an open log: files, folders, pipes, told apart by their first bytes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, BinaryIO
+
+from mclcli.errors import InputError, UsageError
+from mclcli.io.logs.log import Log, unreadable
+from mclcli.io.logs.sniff import HEAD, kind_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from mclcli.io.logs.base import Container, Damage
+    from mclcli.io.logs.source import ByteSource
+
+
+def open_log(paths: Sequence[Path | str], *, stdin: BinaryIO | None = None) -> Log:
+    """Open files and rosbag2 folders as one log; ``-`` alone is ``stdin`` (default: the process's own).
+
+    Raises UsageError for a file that does not exist, InputError for one that is not a log.
+    """
+    if not paths:
+        raise UsageError("no log was named; name a file, a folder, or - for stdin")
+    if "-" in map(str, paths):
+        if len(paths) > 1:
+            raise UsageError("- (stdin) cannot be combined with other logs; name either")
+        return Log((_stream("stdin", stdin or sys.stdin.buffer, borrowed=True),), (), seekable=False)
+    try:
+        return _open_files([Path(path) for path in paths])
+    except OSError as error:
+        raise unreadable(Path(error.filename or paths[0]).name, error) from error
+
+
+def _open_files(paths: list[Path]) -> Log:
+    files: list[Path] = []
+    missing: list[Damage] = []
+    for path in paths:
+        if not path.exists():
+            raise UsageError(f"{path}: no such file; check the name")
+        if path.is_dir():
+            from mclcli.io.logs.folder import files_of
+
+            found, gone = files_of(path)
+            files += found
+            missing += gone
+        else:
+            files.append(path)
+    seekable = all(path.is_file() for path in files)
+    containers = tuple(_file(path) if path.is_file() else _stream(path.name, path.open("rb")) for path in files)
+    return Log(containers, tuple(files), seekable, tuple(missing))
+
+
+def _file(path: Path) -> Container:
+    with path.open("rb") as stream:
+        kind = kind_of(stream.read(HEAD), path.name)
+    if kind != "zstd":
+        return _container(kind, path.name, path)
+    from mclcli.io.logs.zstd_file import ZstdFile, first_bytes
+
+    head = first_bytes(path, HEAD)
+    if not head:
+        raise InputError(f"{path.name}: does not decompress (zstd); copy it again")
+    inner = kind_of(head, path.name)
+    if inner == "zstd":
+        raise InputError(f"{path.name}: is compressed twice; unpack it first")
+    return ZstdFile(path.name, path, lambda plain: _container(inner, path.name, plain))
+
+
+def _container(kind: str, name: str, path: Path) -> Container:
+    from mclcli.io.logs.source import open_source
+
+    if kind == "db3":
+        from mclcli.io.logs.db3_file import Db3File
+
+        return Db3File(name, path)
+    return _framed(kind, name, lambda: open_source(path))
+
+
+def _framed(kind: str, name: str, start: Callable[[], ByteSource]) -> Container:
+    if kind == "mcap":
+        from mclcli.io.logs.mcap_file import McapFile
+
+        return McapFile(name, start)
+    from mclcli.io.logs.bag1_file import Bag1File
+
+    return Bag1File(name, start)
+
+
+def _stream(name: str, stream: BinaryIO, *, borrowed: bool = False) -> Container:
+    """Container for a pipe, which can be read once."""
+    head = b""
+    while len(head) < HEAD and (more := stream.read(HEAD - len(head))):
+        head += more
+    kind = kind_of(head, name)
+    if kind in {"db3", "zstd"}:
+        what = "a rosbag2 database (.db3)" if kind == "db3" else "compressed as a whole"
+        raise InputError(f"{name}: is {what} and cannot be read from a pipe; name the file instead")
+    used = False
+
+    def start() -> ByteSource:
+        from mclcli.io.logs.source import ByteSource
+
+        nonlocal used
+        if used:
+            raise InputError(f"{name}: was read already, and a pipe can be read once; name a file instead")
+        used = True
+        return ByteSource(stream, None, head, borrowed=borrowed)
+
+    return _framed(kind, name, start)

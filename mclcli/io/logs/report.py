@@ -1,0 +1,51 @@
+"""What is wrong with one file, while it is being read: the damages of all containers are worded here."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+from mclcli.io.logs.base import Damage
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+CUT = "file ends in the middle of a record; it was not closed"
+UNCLOSED = "file was not closed; every message in it was read, what should have followed is unknown"
+RESUMES = 1000
+"""Times that reading is taken up again after broken framing."""
+
+
+@final
+@dataclass(slots=True)
+class Report:
+    """Makes the damages of the file ``source``. ``hurt``: messages were lost, so that totals need not agree."""
+
+    source: str
+    hurt: bool = False
+    bad_chunk: Damage | None = None  # a dropped chunk, waiting for its indexes to tell what was in it
+
+    def lost(
+        self, at: int, what: str, messages: int | None = None, first: int | None = None, last: int | None = None
+    ) -> Damage:
+        """Damage at byte ``at`` that cost messages, or may have; ``first`` and ``last`` are log times [ns]."""
+        self.hurt = True
+        return Damage(self.source, at, what, messages, first, last)
+
+    def harmless(self, at: int, what: str) -> Damage:
+        """Damage that cost no message."""
+        return Damage(self.source, at, what, lossless=True)
+
+    def flush(self) -> Iterator[Damage]:
+        """Hand out the chunk that was waiting, if one was."""
+        if self.bad_chunk is not None:
+            yield self.bad_chunk
+        self.bad_chunk = None
+
+    def totals(self, at: int, found: int, stated: int | None, nameless: int) -> Iterator[Damage]:
+        """Compare messages found with those the file states; ``nameless`` of them have a channel nobody describes."""
+        if nameless:
+            yield self.lost(at, "messages of channels that nothing describes", nameless)
+        if stated is not None and stated != found and not self.hurt:
+            what = f"file counts {stated} messages, but {found} were found"
+            yield self.lost(at, what, stated - found if stated > found else None)
