@@ -1,0 +1,136 @@
+from __future__ import annotations
+
+import io
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mclcli.errors import InputError, UsageError
+from mclcli.io.track_file import TrackCsv
+from mclcli.io.tum import TumWriter, _stamp, read_tum
+from mclcli.io.writers import stamp_text
+from tests.data import shared
+from tests.io.traces import point
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def _read(tmp_path: Path, text: str | bytes) -> tuple[list[int], list[list[float]]]:
+    path = tmp_path / "t.tum"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    found = read_tum(path)
+    return found.stamps_ns.tolist(), found.poses.tolist()
+
+
+@pytest.mark.parametrize("kind", [TumWriter, TrackCsv])
+def test_what_is_written_comes_back(tmp_path: Path, kind: type[TumWriter | TrackCsv]) -> None:
+    points = [point(step) for step in range(20)]
+    stream = io.StringIO()
+    writer = kind(stream)
+    for made in points:
+        writer.write(made)
+    stamps, poses = _read(tmp_path, stream.getvalue())
+    assert stamps == [made.stamp_ns for made in points]
+    np.testing.assert_allclose(poses, [made.estimate.pose for made in points], atol=2e-9)
+
+
+def test_a_line_of_tum(tmp_path: Path) -> None:
+    stream = io.StringIO()
+    TumWriter(stream).write(point())
+    fields = stream.getvalue().split(" ")
+    assert fields[0] == "1318384871.000000001"
+    assert fields[3:6] == ["0.000000000"] * 3
+    assert all(len(field.strip().split(".")[1]) == 9 for field in fields)
+    assert len(fields) == 8
+    assert _read(tmp_path, stream.getvalue())[0] == [1_318_384_871_000_000_001]
+
+
+@given(st.integers(-(2**63) + 1, 2**63 - 1))
+def test_stamps_survive_to_the_nanosecond(stamp_ns: int) -> None:
+    assert _stamp(stamp_text(stamp_ns)) == stamp_ns
+
+
+@pytest.mark.parametrize(
+    ("text", "stamp_ns"),
+    [
+        ("1", 10**9),
+        ("1.", 10**9),
+        (".5", 5 * 10**8),
+        ("1.318384871123456789e+09", 1318384871123456789),
+        ("-2.5", -25 * 10**8),
+    ],
+)
+def test_stamps_in_other_spellings(text: str, stamp_ns: int) -> None:
+    assert _stamp(text) == stamp_ns
+
+
+def test_comments_marks_and_line_ends_of_other_systems(tmp_path: Path) -> None:
+    text = b"\xef\xbb\xbf# t x y\r\n\r\n1.5 1 2 9 0 0 1e0 0\r\n  # more\r\n2.5\t1 2 9 0 0 0 1.005\r\n"
+    stamps, poses = _read(tmp_path, text)
+    assert stamps == [1_500_000_000, 2_500_000_000]
+    assert poses == [[1.0, 2.0, pytest.approx(np.pi)], [1.0, 2.0, 0.0]]
+
+
+def test_yaw_of_a_tilted_pose_is_its_heading(tmp_path: Path) -> None:
+    # Rz(0.3)·Ry(0.4): the nose still points along 0.3 when seen from above.
+    qz, qw, qy = np.sin(0.15), np.cos(0.15), np.sin(0.2)
+    w = np.cos(0.2)
+    _, poses = _read(tmp_path, f"1 0 0 0 {-qz * qy} {qw * qy} {qz * w} {qw * w}\n")
+    assert poses[0][2] == pytest.approx(0.3)
+
+
+def test_csv_goes_by_names(tmp_path: Path) -> None:
+    text = "# {}\nyaw,stamp,note,x,y\n7.0,1.000000001,a,1,2\n-1,2,,3,4\n"
+    stamps, poses = _read(tmp_path, text)
+    assert stamps == [1_000_000_001, 2_000_000_000]
+    assert poses == [[1.0, 2.0, pytest.approx(7.0 - 2 * np.pi)], [3.0, 4.0, -1.0]]
+
+
+_GOOD = "1 0 0 0 0 0 0 1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (_GOOD + "1 0 0 0 0 0 0 1\n", "stamp 1.000000000 does not increase, line 2;"),
+        (_GOOD + "\n0.5 0 0 0 0 0 0 1\n", "does not increase, line 3;"),
+        (_GOOD + "2 0 nan 0 0 0 0 1\n", "'nan' is not a finite number, line 2;"),
+        (_GOOD + "2 0 1_0 0 0 0 0 1\n", "'1_0' is not a finite number, line 2;"),
+        (_GOOD + "2 1e999 0 0 0 0 0 1\n", "'1e999' is not a finite number, line 2;"),
+        (_GOOD + "2 0 0 0 0 0 0\n", "7 fields instead of 8, line 2;"),
+        (_GOOD + "2 0 0 0 0 0 0 0\n", "quaternion of length 0 instead of 1, line 2;"),
+        (_GOOD + "two 0 0 0 0 0 0 1\n", "'two' is not a stamp in seconds, line 2;"),
+        ("1e30 0 0 0 0 0 0 1\n", "stamp '1e30' is out of range, line 1;"),
+        ("stamp,x,y\n1,2,3\n", "no column yaw in the header, line 1;"),
+        ("stamp,x,y,yaw\n1,2,3\n", "3 fields instead of 4, line 2;"),
+        ("", "holds no pose;"),
+        ("# only\n", "holds no pose;"),
+        ("\x1b[31m 0 0 0 0 0 0 1\n", r"'\x1b[31m' is not a stamp"),
+        (b"\x89MCAP0\r\n\xff\xfe\x00", "fields instead of 8, line 1;"),
+    ],
+)
+def test_errors_name_the_line(tmp_path: Path, text: str | bytes, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        _read(tmp_path, text)
+    told = str(caught.value)
+    assert message in told
+    assert told.startswith(str(tmp_path / "t.tum"))
+    assert told.isprintable()
+
+
+def test_a_missing_file_is_a_usage_error(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="no such file"):
+        read_tum(tmp_path / "none.tum")
+    with pytest.raises(InputError, match="cannot read"):
+        read_tum(tmp_path)
+
+
+def test_a_real_reference_reads() -> None:
+    found = read_tum(shared("intel/truth.tum"))
+    assert found.poses.shape == (910, 3)
+    assert np.all(np.diff(found.stamps_ns) > 0)
+    assert not found.poses.flags.writeable
