@@ -1,0 +1,171 @@
+"""A run on the map: the track coloured by time, the reference beneath it, the particles at its end."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mclcli.render import marks, page, palette
+from mclcli.render.canvas import open_canvas, points_of
+from mclcli.render.page import LegendItem
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from PIL import Image
+
+    from mclcli.render.canvas import MapCanvas
+    from mclcli.world.occupancy import OccupancyGrid
+
+_TRACK = palette.TEAL
+_SPREAD = palette.mix(palette.AMBER, palette.INK, 0.45)
+
+
+def draw_track(
+    grid: OccupancyGrid,
+    poses: NDArray[np.float64],
+    *,
+    stamps_s: NDArray[np.float64] | None = None,
+    segments: NDArray[np.int64] | None = None,
+    truth: NDArray[np.float64] | None = None,
+    cloud: NDArray[np.float64] | None = None,
+    cloud_weights: NDArray[np.float64] | None = None,
+    title: str,
+    subtitle: str = "",
+) -> Image.Image:
+    """Picture of a track on its map.
+
+    Parameters
+    ----------
+    grid
+        The map.
+    poses
+        Track (N, 3), x, y [m], yaw [rad] in map; N may be 0.
+    stamps_s
+        (N,) seconds as the colour bar shall show them; None draws the track in one colour.
+    segments
+        (N,) number of the stretch each pose belongs to; the line breaks where it changes. None: one stretch.
+    truth
+        Reference (M, 3), drawn dashed beneath the track.
+    cloud
+        Particles (P, 3) at the end of the track.
+    cloud_weights
+        (P,) their weights, ≥ 0, of any sum; None: equal.
+    title, subtitle
+        One line each.
+
+    Returns
+    -------
+    RGB image; see ``page.compose`` for where the map's points lie on it.
+
+    Raises
+    ------
+    ValueError
+        If a shape does not fit or a number is not finite.
+
+    """
+    poses, truth, cloud = (points_of(a, 3, name) for a, name in ((poses, "poses"), (truth, "truth"), (cloud, "cloud")))
+    stamps = _per_row(stamps_s, len(poses), "stamps_s")
+    if segments is not None and np.shape(segments) != (len(poses),):
+        raise ValueError(f"segments: expected {len(poses)} numbers, got shape {np.shape(segments)}")
+    weights = _per_row(cloud_weights, len(cloud), "cloud_weights")
+    canvas = open_canvas(grid, np.concatenate([poses, truth])[:, :2])
+    marks.stroke_dashed(canvas.image, canvas.to_pixel(truth), palette.CRIMSON, 1.7)
+    spread = _draw_cloud(canvas, cloud, weights)
+    _draw_line(canvas, poses, stamps, segments)
+    _draw_ends(canvas, poses)
+    legend = _legend(poses, stamps, truth, cloud, spread=spread)
+    return page.compose(canvas, title=title, subtitle=subtitle, legend=legend, bar=_bar(stamps))
+
+
+def _per_row(values: NDArray[np.float64] | None, rows: int, name: str) -> NDArray[np.float64] | None:
+    """Check one finite number per row."""
+    if values is None:
+        return None
+    values = np.asarray(values, dtype=np.float64)
+    if values.shape != (rows,) or not np.isfinite(values).all():
+        raise ValueError(f"{name}: expected {rows} finite numbers, got shape {values.shape}")
+    return values
+
+
+def _draw_line(
+    canvas: MapCanvas,
+    poses: NDArray[np.float64],
+    stamps: NDArray[np.float64] | None,
+    segments: NDArray[np.int64] | None,
+) -> None:
+    """Track with a pale edge, so that it stands out from walls; pieces between segments are left out."""
+    pixels = canvas.to_pixel(poses)
+    breaks = np.zeros(0, dtype=np.intp) if segments is None else np.flatnonzero(np.diff(segments)) + 1
+    if stamps is None or not len(stamps):
+        colors = np.broadcast_to(np.array(_TRACK, dtype=np.uint8), (len(poses), 3))
+    else:
+        colors = palette.pick(palette.ramp("time"), stamps, stamps.min(), stamps.max())
+    pieces = list(zip(np.split(pixels, breaks), np.split(colors, breaks), strict=True))
+    for piece, _ in pieces:
+        marks.stroke(canvas.image, piece, palette.HALO, 5.0)
+    for piece, ink in pieces:
+        marks.stroke_ramp(canvas.image, piece, ink, 3.0)
+
+
+def _draw_ends(canvas: MapCanvas, poses: NDArray[np.float64]) -> None:
+    pixels = canvas.to_pixel(poses)
+    if len(poses) > 1:
+        marks.disc(canvas.image, pixels[0], 7.5, palette.HALO, palette.INK)
+    if len(poses):
+        marks.arrow(canvas.image, pixels[-1], float(poses[-1, 2]), palette.INK)
+
+
+def _draw_cloud(canvas: MapCanvas, cloud: NDArray[np.float64], weights: NDArray[np.float64] | None) -> bool:
+    """Particles as translucent dots, heavier ones darker; tells whether their 2σ ellipse could be drawn."""
+    if not len(cloud):
+        return False
+    share = np.full(len(cloud), 1.0) if weights is None or not weights.sum() > 0 else weights / weights.mean()
+    opacity = 0.3 * min(1.0, 500.0 / len(cloud)) ** 0.3  # a dense cloud must still show its core
+    marks.soft_dots(canvas.image, canvas.to_pixel(cloud), np.clip(opacity * share, 0.02, 0.9), palette.AMBER)
+    outline = canvas.to_pixel(_ellipse(cloud[:, :2], share))
+    size = float(np.ptp(outline, axis=0).max())
+    # Around several clusters an ellipse says nothing; under the arrow it is not seen.
+    seen = 24.0 < size < 0.3 * canvas.view.width
+    if seen:
+        marks.stroke(canvas.image, outline, _SPREAD, 1.6)
+    return seen
+
+
+def _ellipse(points: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Outline (73, 2) of the 2σ ellipse of weighted points (P, 2)."""
+    share = weights / weights.sum()
+    mean = share @ points
+    apart = points - mean
+    values, axes = np.linalg.eigh((share[:, np.newaxis] * apart).T @ apart)
+    turn = np.linspace(0.0, 2.0 * np.pi, 73)
+    circle = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    return np.asarray(mean + 2.0 * (circle * np.sqrt(np.maximum(values, 0.0))) @ axes.T, dtype=np.float64)
+
+
+def _legend(
+    poses: NDArray[np.float64],
+    stamps: NDArray[np.float64] | None,
+    truth: NDArray[np.float64],
+    cloud: NDArray[np.float64],
+    *,
+    spread: bool,
+) -> list[LegendItem]:
+    """Entries for what is on the picture, and nothing else."""
+    track = LegendItem("line", "track", _TRACK) if stamps is None else LegendItem("ramp", "track")
+    entries = [
+        (len(poses) > 1, track),
+        (len(truth) > 0, LegendItem("dashes", "reference", palette.CRIMSON)),
+        (len(poses) > 1, LegendItem("ring", "start")),
+        (len(poses) > 0, LegendItem("arrow", "end" if len(poses) > 1 else "pose")),
+        (len(cloud) > 0, LegendItem("dots", f"{len(cloud):,} particles at the end", palette.AMBER)),
+        (spread, LegendItem("ellipse", "their 2 sigma", _SPREAD)),
+    ]
+    return [item for shown, item in entries if shown]
+
+
+def _bar(stamps: NDArray[np.float64] | None) -> page.ColorBar | None:
+    if stamps is None or not len(stamps):
+        return None
+    ticks = page.linear_ticks(float(stamps.min()), float(stamps.max()))
+    return page.ColorBar("time [s]", palette.ramp("time"), ticks)
