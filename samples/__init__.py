@@ -1,0 +1,1 @@
+"""Sample logs and the simulator that makes them; not part of the installed package."""
