@@ -1,0 +1,1 @@
+"""How good a track is, against a reference."""
