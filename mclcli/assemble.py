@@ -1,0 +1,211 @@
+"""Putting a log, a map and settings together into what ``mclcli.replay`` runs."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from mclcli import profiles
+from mclcli.errors import InputError, UsageError
+from mclcli.filter.localizer import Localizer
+from mclcli.filter.start import Anywhere, AroundPose, Start
+from mclcli.motion.differential import DifferentialMotion
+from mclcli.records import LandmarkSightings, LaserScan
+from mclcli.replay import Setup
+from mclcli.sensors.bearing import BearingModel
+from mclcli.sensors.instruments import Camera, Lidar
+from mclcli.sensors.likelihood_field import LikelihoodField
+from mclcli.world import distance_field
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mclcli.io.roles import Roles
+    from mclcli.io.survey import LogSurvey
+    from mclcli.profiles import Settings
+    from mclcli.sensors.instruments import Instrument
+    from mclcli.world.distance_field import DistanceField, Method
+    from mclcli.world.landmarks import Landmarks
+    from mclcli.world.occupancy import OccupancyGrid
+
+    FieldMaker = Callable[[OccupancyGrid, Method, float], DistanceField]
+    Mounts = Mapping[str, NDArray[np.float64]]
+
+# Neighbouring beams are correlated, sightings of landmarks hardly: measured, see docs/decisions/0004.
+LIDAR_TEMPERATURE = 0.5
+VISION_TEMPERATURE = 1.0
+_TYPICAL_UPDATES = 1500
+
+
+def prepare(
+    found: LogSurvey,
+    roles: Roles,
+    *,
+    grid: OccupancyGrid | None = None,
+    landmarks: Landmarks | None = None,
+    settings: Settings | None = None,
+    start: Start | None = None,
+    seed: int = 0,
+    alpha: float | None = None,
+    mounts: Mounts | None = None,
+    window_ns: tuple[int, int] = (-(2**63), 2**63 - 1),
+    make_field: FieldMaker = distance_field.compute,
+    threads: int = 1,
+) -> Setup:
+    """Set a replay up: which topics take part, with which models.
+
+    Parameters
+    ----------
+    found, roles
+        What is in the log and who does what; see ``mclcli.open_recording``.
+    grid
+        The map; the lidar takes part only if there is one.
+    landmarks
+        Landmarks by id; sightings take part only if there are some.
+    settings
+        Parameters; ``mclcli.profiles.build({...})`` makes them.
+    start
+        Where the particles start: ``AroundPose``, ``AlongPoses`` or ``Anywhere`` (the default: the map's free cells).
+    seed, alpha
+        Seed of every random stream; temperature in (0, 1] on each new likelihood (None: 0.5 for lidars, 1 for vision).
+    mounts
+        ``base_from_sensor`` (4, 4) by frame, instead of the log's transforms; the frame '' stands for any.
+    window_ns
+        First and last stamp of the readings to use.
+    make_field
+        Computes, or finds, the distance field.
+    threads
+        How many threads score; the results are the same.
+
+    Raises
+    ------
+    InputError
+        If the log has no sensor or no odometry that could be used, or nothing says where the lidar sits.
+    UsageError
+        If a start pose lies off the map.
+
+    """
+    settings = settings or profiles.build({})
+    instruments = {
+        **_lidars(found, roles, grid, settings, alpha or LIDAR_TEMPERATURE, make_field, threads),
+        **_cameras(roles, landmarks, settings, alpha or VISION_TEMPERATURE),
+    }
+    if not roles.odometry:
+        raise InputError("the log has no odometry: no nav_msgs/Odometry topic, and no moving transform above the base")
+    if not instruments:
+        raise InputError(_nothing_to_score(found, roles, grid, landmarks))
+    for topic in instruments:
+        _check_mount(found, roles, topic, mounts or {})
+    return Setup(
+        localizer=Localizer(DifferentialMotion(settings.motion), settings.filter, seed),
+        instruments=instruments,
+        start=_checked_start(start, grid),
+        odometry=roles.odometry,
+        odom_frame=roles.odom_frame,
+        base_frame=roles.base_frame,
+        frames=found.frames,
+        mounts=mounts or {},
+        window_ns=window_ns,
+        transform_topics=_transform_topics(found, roles, list(instruments)),
+    )
+
+
+def lidar_model(
+    grid: OccupancyGrid, settings: Settings, make_field: FieldMaker, job_size: float, threads: int = 1
+) -> LikelihoodField:
+    """Likelihood field over a map.
+
+    Raises
+    ------
+    InputError
+        If no cell of the map is occupied: every pose would score the same.
+
+    """
+    parameters = settings.likelihood_field
+    method: Method = "brushfire" if parameters.field_method == "brushfire" else "exact"
+    field = make_field(grid, method, parameters.laser_likelihood_max_dist)
+    if not grid.occupied.any():
+        raise InputError("map: no cell is occupied, so no pose fits a scan better than another; check its thresholds")
+    return LikelihoodField(field, parameters, job_size, threads)
+
+
+def _lidars(
+    found: LogSurvey,
+    roles: Roles,
+    grid: OccupancyGrid | None,
+    settings: Settings,
+    alpha: float,
+    make_field: FieldMaker,
+    threads: int,
+) -> dict[str, Instrument]:
+    if grid is None or not roles.scan:
+        return {}
+    scan = found.topics[roles.scan[0]].sample
+    beams = settings.beams.max_beams or (scan.ranges.size if isinstance(scan, LaserScan) else 0)
+    job_size = _TYPICAL_UPDATES * settings.filter.particles * beams
+    model = lidar_model(grid, settings, make_field, job_size, threads)
+    names = _numbered("lidar", len(roles.scan))
+    return {topic: Lidar(name, model, settings.beams, alpha) for topic, name in zip(roles.scan, names, strict=True)}
+
+
+def _cameras(roles: Roles, landmarks: Landmarks | None, settings: Settings, alpha: float) -> dict[str, Instrument]:
+    if landmarks is None:
+        return {}
+    model = BearingModel(settings.bearing)
+    names = _numbered("vision", len(roles.vision))
+    return {topic: Camera(name, model, landmarks, alpha) for topic, name in zip(roles.vision, names, strict=True)}
+
+
+def _transform_topics(found: LogSurvey, roles: Roles, topics: list[str]) -> tuple[str, ...]:
+    """Topics of transforms, if odometry or a sensor's mount can only be known from moving ones."""
+    samples = [found.topics[topic].sample for topic in topics]
+    frames = [sample.frame_id for sample in samples if isinstance(sample, LaserScan | LandmarkSightings)]
+    moving = any(found.frames.moves_between(roles.base_frame, frame) for frame in frames)
+    return found.transform_topics if moving or roles.odometry == "tf" else ()
+
+
+def _numbered(role: str, count: int) -> list[str]:
+    return [role] if count == 1 else [f"{role}_{i + 1}" for i in range(count)]
+
+
+def _nothing_to_score(found: LogSurvey, roles: Roles, grid: OccupancyGrid | None, landmarks: Landmarks | None) -> str:
+    if roles.scan and grid is None:
+        return "no map: the log has no nav_msgs/OccupancyGrid; name one with --map"
+    if roles.vision and landmarks is None:
+        return f"landmarks are seen on {', '.join(roles.vision)}, but nothing says where they stand; give --landmarks"
+    types = sorted({topic.channel.type for topic in found.topics.values()})
+    return f"the log has no laser scan that can be used; it holds {', '.join(types) or 'no message at all'}"
+
+
+def _check_mount(found: LogSurvey, roles: Roles, topic: str, mounts: Mounts) -> None:
+    sample = found.topics[topic].sample
+    if not isinstance(sample, LaserScan | LandmarkSightings):
+        return
+    frame, frames = sample.frame_id, found.frames.frames
+    known = frame == roles.base_frame or found.frames.connected(roles.base_frame, frame)
+    if frame in mounts or "" in mounts or known:
+        return
+    raise InputError(
+        f"{topic}: no transform from '{roles.base_frame}' to '{frame}'; frames in the log: "
+        f"{', '.join(frames) or 'none'}; give --mount {frame}=X,Y,YAW, or --set base_frame_id=FRAME"
+    )
+
+
+def _checked_start(start: Start | None, grid: OccupancyGrid | None) -> Start:
+    if start is None:
+        if grid is None:
+            raise UsageError("without a map there is no place to start from; give --init X,Y,YAW")
+        return Anywhere(grid)
+    if isinstance(start, AroundPose) and grid is not None and not grid.contains(start.pose[:2]):
+        x, y = start.pose[:2]
+        raise UsageError(f"--init: ({x:g}, {y:g}) lies off the map; {describe_extent(grid)}")
+    return start
+
+
+def describe_extent(grid: OccupancyGrid) -> str:
+    """Where a map lies, for messages."""
+    corners = grid.to_map([[0, 0], [grid.width, 0], [grid.width, grid.height], [0, grid.height]])
+    (x0, y0), (x1, y1) = corners.min(axis=0), corners.max(axis=0)
+    return f"the map spans x {x0:g} to {x1:g} m, y {y0:g} to {y1:g} m"

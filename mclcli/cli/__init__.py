@@ -1,0 +1,68 @@
+"""The command line: a thin layer of click over library calls. ``main`` is the entry point."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from mclcli.version import __version__
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+# name: (what `mcl --help` says of it); each command is a function `command` in the module of its name
+COMMANDS = {
+    "info": "What a log holds, which topic plays which part, and how to run it.",
+    "dt": "Compute (or find in the cache) the distance field of a map.",
+    "score": "Score poses of a robot against one scan.",
+    "run": "Run Monte Carlo Localization over a log.",
+    "extract": "Print one message of a log, a laser scan ready for `mcl score -`.",
+    "params": "Print every parameter with its effective value and meaning.",
+}
+
+
+class _LazyGroup(click.Group):
+    """Imports a subcommand's module only when that subcommand is called."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        del ctx
+        return list(COMMANDS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        del ctx
+        if cmd_name not in COMMANDS:
+            return None
+        import importlib
+
+        command: click.Command = importlib.import_module(f"mclcli.cli.{cmd_name}").command
+        return command
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        if args and args[0] not in COMMANDS:
+            from mclcli.errors import nearest_name
+
+            hint = nearest_name(args[0], list(COMMANDS)) or "; `mcl --help` lists the commands"
+            raise click.UsageError(f"no command '{args[0]}'{hint}")
+        return super().resolve_command(ctx, args)
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        del ctx
+        with formatter.section("Commands"):
+            formatter.write_dl(list(COMMANDS.items()))
+
+
+@click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
+@click.version_option(__version__, prog_name="mcl")
+def group() -> None:
+    """Replay a robot's recorded log through Monte Carlo Localization: offline, repeatable, every weight visible."""
+
+
+def main(args: Sequence[str] | None = None) -> None:
+    """Run the command line and exit with its code."""
+    from mclcli.cli.process import run
+
+    sys.exit(run(group, list(sys.argv[1:] if args is None else args)))

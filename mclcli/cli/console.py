@@ -1,0 +1,65 @@
+"""What the user sees on stderr: warnings, remarks, progress; and where the cache is."""
+
+from __future__ import annotations
+
+import logging
+import os
+import sys
+from typing import TYPE_CHECKING
+
+import click
+
+from mclcli.text import clean
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from rich.console import Console
+
+_LINE = 1000
+
+
+def set_up(*, verbosity: int, color: str) -> None:
+    """Print the library's log records as lines ``mcl: warning: …``; verbosity −1 hides all but errors."""
+    logger = logging.getLogger("mclcli")
+    logger.handlers = [_Lines()]
+    logger.setLevel({-1: logging.ERROR, 0: logging.INFO}.get(verbosity, logging.DEBUG))
+    if color == "always":
+        os.environ["FORCE_COLOR"] = "1"
+    elif color == "never":
+        os.environ["NO_COLOR"] = "1"
+
+
+class _Lines(logging.Handler):
+    """Writes each record as one clean line."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        kind = f"{record.levelname.lower()}: " if record.levelno >= logging.WARNING else ""
+        click.echo(f"mcl: {kind}{clean(record.getMessage(), _LINE)}", err=True)
+
+
+def remark(message: str) -> None:
+    """One line for the user, hidden by -q."""
+    logging.getLogger("mclcli").info("%s", message)
+
+
+def warn(message: str) -> None:
+    """One warning for the user, hidden by -q."""
+    logging.getLogger("mclcli").warning("%s", message)
+
+
+def is_live() -> bool:
+    """Whether progress can be shown: stderr is a terminal and -q was not given."""
+    return sys.stderr.isatty() and logging.getLogger("mclcli").isEnabledFor(logging.INFO)
+
+
+def use_cache(folder: Path) -> None:
+    """Keep the cache in a folder of the user's choice, for this process and its children."""
+    os.environ["MCL_CACHE_DIR"] = str(folder)
+
+
+def stderr() -> Console:
+    """A rich console on stderr that treats text as text."""
+    from rich.console import Console
+
+    return Console(stderr=True, markup=False, highlight=False, emoji=False)

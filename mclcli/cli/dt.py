@@ -1,0 +1,116 @@
+"""``mcl dt``: distance fields."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import TYPE_CHECKING
+
+import click
+
+from mclcli.cli import options
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from mclcli.world.distance_field import DistanceField, Method
+    from mclcli.world.occupancy import OccupancyGrid
+
+
+@click.command("dt", short_help="Compute (or find in the cache) the distance field of a map.")
+@options.map_file
+@click.option(
+    "--method",
+    type=click.Choice(["exact", "brushfire"]),
+    default="exact",
+    show_default=True,
+    help="Euclidean distances, or shortest 8-neighbour paths.",
+)
+@click.option(
+    "--max-dist", type=float, default=2.0, show_default=True, metavar="M", help="Distances are clamped here [m]."
+)
+@click.option(
+    "-o", "--output", metavar="F.npy", help="Write the field: float64 metres, row 0 at the bottom; - is stdout."
+)
+@click.option("--png", metavar="F.png", help="Draw the field.")
+@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+@click.option("--no-cache", is_flag=True, help="Neither read nor write the cache.")
+@options.map_limits
+@options.threads
+@options.common
+def command(
+    map_file: Path,
+    method: Method,
+    max_dist: float,
+    output: str | None,
+    png: str | None,
+    as_json: bool,
+    no_cache: bool,
+    max_cells: int,
+    allow_outside: bool,
+    threads: int,
+) -> None:
+    """Distance from every cell of MAP to the nearest occupied cell; kept in the cache for the other commands."""
+    from mclcli.cli import console
+    from mclcli.io import field_cache
+    from mclcli.io.map_yaml import load_map
+    from mclcli.world import distance_field
+
+    del threads  # the transform runs on one
+    grid = load_map(map_file, max_cells=max_cells, allow_outside=allow_outside)
+    began = time.perf_counter()
+    if no_cache:
+        field, hit, where = distance_field.compute(grid, method, max_dist), False, ""
+    else:
+        field, hit = field_cache.cached_field(grid, method, max_dist)
+        where = str(field_cache.field_path(grid, method, max_dist))
+    seconds = time.perf_counter() - began
+    occupied = int(grid.occupied.sum())
+    if not occupied:
+        console.warn(
+            f"{map_file}: no cell is occupied, so the field is {max_dist:g} m everywhere; check the thresholds"
+        )
+    _write(field, grid, output, png, map_file)
+    summary = {
+        "map": map_file.name,
+        "width": grid.width,
+        "height": grid.height,
+        "resolution": grid.resolution,
+        "occupied": occupied,
+        "method": method,
+        "max_dist": max_dist,
+        "milliseconds": round(seconds * 1e3, 1),
+        "cache": "off" if no_cache else "hit" if hit else "miss",
+        "file": where,
+    }
+    # With the field itself on stdout the summary is a remark.
+    click.echo(json.dumps(summary) if as_json else _sentence(summary), err=output == "-")
+
+
+def _sentence(summary: dict[str, object]) -> str:
+    text = (
+        "{map}: {width} x {height} cells of {resolution:g} m, {occupied} occupied; {method} field to {max_dist:g} m in "
+        "{milliseconds:g} ms, cache {cache} {file}"
+    )
+    return text.format(**summary).rstrip()
+
+
+def _write(field: DistanceField, grid: OccupancyGrid, output: str | None, png: str | None, map_file: Path) -> None:
+    import io
+
+    from mclcli.cli import pictures
+    from mclcli.io.output import open_output
+
+    if output is not None:
+        import numpy as np
+
+        buffer = io.BytesIO()
+        np.save(buffer, field.metres(), allow_pickle=False)
+        with open_output(output, binary=True, inputs=[map_file]) as target:
+            target.write(buffer.getvalue())
+    if png is not None:
+        from mclcli.render.field import draw_field
+
+        title = f"Distance to the nearest obstacle — {map_file.name}"
+        picture = draw_field(grid, field.metres(), max_dist=field.max_dist, title=title, subtitle="")
+        pictures.save(picture, png, inputs=[map_file])

@@ -1,0 +1,74 @@
+"""``mcl extract``: one message of a log as text."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mclcli.cli import console, options
+from mclcli.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from typing import Literal
+
+    from mclcli.io.recording import Recording
+
+    Form = Literal["yaml", "json"]
+
+
+@click.command("extract", short_help="Print one message of a log, a laser scan ready for `mcl score -`.")
+@click.argument("log", metavar="LOG")
+@click.option("--topic", metavar="TOPIC", help="Topic of the message; the laser scans if not given.")
+@click.option(
+    "--at",
+    metavar="TIME",
+    help="The message nearest to this time: seconds into the log, @SECONDS, 14:32:05 or ISO 8601.",
+)
+@click.option("--index", type=click.IntRange(min=0), help="The message of this number on its topic, from 0.")
+@click.option(
+    "--format", "form", type=click.Choice(["yaml", "json"]), default="yaml", show_default=True, help="How to write it."
+)
+@click.option(
+    "--mount",
+    "mounts",
+    multiple=True,
+    metavar="[FRAME=]X,Y,YAW",
+    callback=options.parse_mounts,
+    help="Where the lidar sits, instead of what the log says.",
+)
+@options.threads
+@options.common
+def command(log: str, topic: str | None, at: str | None, index: int | None, form: Form, **arguments: Any) -> None:
+    """One message of LOG as YAML or JSON; a laser scan carries along where its lidar sits on the base."""
+    from mclcli.cli import scans
+    from mclcli.io.roles import SCAN
+    from mclcli.io.scan_file import format_scan
+
+    recording, parts = scans.open_for_scan(Path(log), None)
+    channel = recording.found.topics.get(topic or "")
+    if topic is not None and (channel is None or channel.channel.type not in SCAN):
+        click.echo(_other(recording, topic, at, index, form), nl=False)
+        return
+    parts = parts if topic is None else dataclasses.replace(parts, scan=(topic,))
+    scan = scans.scan_of_log(recording, parts, at, index)
+    try:
+        mount = scans.mount_in_log(recording, parts, scan, arguments["mounts"])
+    except InputError as error:
+        console.warn(f"{error}; the scan is printed without it")
+        mount = None
+    click.echo(format_scan(scan, mount, parts.base_frame, form), nl=False)
+
+
+def _other(recording: Recording, topic: str, at: str | None, index: int | None, form: Form) -> str:
+    """Any other message whose type is known, as it is."""
+    from mclcli.cli import scans
+    from mclcli.io.messages import to_plain
+    from mclcli.io.plain import format_plain
+
+    if topic not in recording.found.topics:
+        raise UsageError(f"no topic '{topic}' in the log; it has {', '.join(sorted(recording.found.topics)) or 'none'}")
+    message = scans.pick_one(recording.raw(topic), lambda raw: raw.log_time_ns, recording.first_ns, at, index)
+    return format_plain(to_plain(message), form)

@@ -1,0 +1,197 @@
+"""``mcl info``: what a log holds."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import shlex
+import sys
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mclcli.cli import options
+from mclcli.text import clean
+
+if TYPE_CHECKING:
+    from mclcli.io.recording import Recording
+    from mclcli.io.roles import Roles
+    from mclcli.io.survey import TopicSurvey
+
+DAMAGED = 3
+
+
+@click.command("info", short_help="What a log holds, which topic plays which part, and how to run it.")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
+@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@options.threads
+@options.common
+def command(logs: tuple[str, ...], as_json: bool, **_: Any) -> int:
+    """Topics by role and why, counts, rates, laser geometry, frames, gaps, damage, and the `mcl run` line."""
+    from mclcli.io import roles
+    from mclcli.io.logs import open_log
+    from mclcli.io.recording import Recording
+
+    stdin = sys.stdin.buffer if "-" in logs else None
+    recording = Recording(open_log(logs, stdin=stdin), whole=True)
+    parts = roles.assign(recording.found, roles.Wishes())
+    facts = describe(recording, parts, logs)
+    click.echo(json.dumps(facts, indent=2) if as_json else "\n".join(_lines(facts)))
+    return DAMAGED if recording.tally.lossy else 0
+
+
+def describe(recording: Recording, parts: Roles, logs: tuple[str, ...]) -> dict[str, Any]:
+    """Everything ``mcl info`` knows, as plain values."""
+    span = recording.found.span_ns
+    topics = [recording.found.topics[name] for name in sorted(recording.found.topics)]
+    return {
+        "files": list(recording.log.names),
+        "start": None if span is None else span[0] * 1e-9,
+        "start_utc": None if span is None else _utc(span[0]),
+        "duration": None if span is None else (span[1] - span[0]) * 1e-9,
+        "messages": sum(topic.count for topic in topics),
+        "topics": [_topic(topic, parts) for topic in topics],
+        "roles": {
+            "scan": list(parts.scan),
+            "odometry": parts.odometry,
+            "vision": list(parts.vision),
+            "truth": parts.truth,
+            "map": parts.map,
+            "base_frame": parts.base_frame,
+            "odom_frame": parts.odom_frame,
+            "reasons": parts.reasons,
+        },
+        "lidars": [_lidar(recording, parts, topic) for topic in parts.scan],
+        "frames": {frame: recording.found.frames.parent(frame) for frame in recording.found.frames.frames},
+        "damage": [damage.describe(span[0] if span else None) for damage in recording.tally.damages],
+        "run": _run_line(parts, logs),
+    }
+
+
+def _utc(stamp_ns: int) -> str | None:
+    try:
+        return dt.datetime.fromtimestamp(stamp_ns * 1e-9, dt.UTC).isoformat(timespec="milliseconds")
+    except (OverflowError, ValueError, OSError):
+        return None
+
+
+def _topic(topic: TopicSurvey, parts: Roles) -> dict[str, Any]:
+    name = topic.channel.topic
+    role = next((role for role in ("odometry", "truth", "map") if getattr(parts, role) == name), "")
+    role = "scan" if name in parts.scan else "vision" if name in parts.vision else role
+    return {
+        "topic": name,
+        "type": topic.channel.type,
+        "messages": topic.count,
+        "rate": topic.rate,
+        "longest_gap": topic.longest_gap_ns * 1e-9,
+        "role": role,
+        "why": parts.reasons.get(role, ""),
+        "problem": topic.problem,
+    }
+
+
+def _lidar(recording: Recording, parts: Roles, name: str) -> dict[str, Any]:
+    """Geometry of a lidar from its first scan, and where it sits."""
+    import numpy as np
+
+    from mclcli import se3
+
+    scan: Any = recording.found.topics[name].sample
+    mount = recording.found.frames.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
+    finite = np.isfinite(scan.ranges)
+    return {
+        "topic": name,
+        "frame": scan.frame_id,
+        "beams": int(scan.ranges.size),
+        "angle_min": scan.angle_min,
+        "angle_increment": scan.angle_increment,
+        "range_min": scan.range_min if np.isfinite(scan.range_min) else None,
+        "range_max": scan.range_max if np.isfinite(scan.range_max) else None,
+        "time_increment": scan.time_increment,
+        "no_return": int(np.isinf(scan.ranges).sum()),
+        "invalid": int((~finite & ~np.isinf(scan.ranges)).sum()),
+        "base_from_sensor": None if mount is None else list(se3.to_rpy(mount)),
+    }
+
+
+def _run_line(parts: Roles, logs: tuple[str, ...]) -> str:
+    """The command that runs this log, with everything said that has to be."""
+    words = ["mcl", "run", *logs]
+    if not parts.map and parts.scan:
+        words += ["--map", "MAP.yaml"]
+    if parts.vision:
+        words += ["--landmarks", "LANDMARKS.csv"]
+    words += ["--init", parts.truth or "X,Y,YAW", "--track", "track.csv", "--picture", "track.png"]
+    if parts.truth:
+        words += ["--truth", parts.truth]
+    return shlex.join(words)
+
+
+def _lines(facts: dict[str, Any]) -> list[str]:
+    """The facts for people."""
+    names = ", ".join(clean(name) for name in facts["files"])
+    duration = facts["duration"]
+    when = "" if duration is None else f", {duration:.1f} s from {facts['start_utc']} (@{facts['start']:.9f})"
+    lines = [f"{names}: {facts['messages']} messages on {len(facts['topics'])} topics{when}", ""]
+    lines += _table([_row(topic) for topic in facts["topics"]])
+    for lidar in facts["lidars"]:
+        lines += ["", _lidar_line(lidar)]
+    roles = facts["roles"]
+    lines += ["", *_tree(facts["frames"], roles, facts["lidars"])]
+    lines.append(
+        f"odometry: {clean(roles['odometry']) or 'none'} ({clean(roles['odom_frame'])} to {clean(roles['base_frame'])})"
+    )
+    lines += [f"damage: {clean(text, 300)}" for text in facts["damage"]]
+    return [*lines, "", clean(facts["run"], 1000)]
+
+
+def _row(topic: dict[str, Any]) -> tuple[str, ...]:
+    rate = "" if topic["rate"] is None else f"{topic['rate']:.1f} Hz"
+    gap = f"gap {topic['longest_gap']:.1f} s" if topic["longest_gap"] > 1.0 else ""
+    note = "; ".join(clean(text) for text in (topic["role"], topic["why"], topic["problem"]) if text)
+    return clean(topic["topic"]), clean(topic["type"]), str(topic["messages"]), rate, gap, note
+
+
+def _table(rows: list[tuple[str, ...]]) -> list[str]:
+    header = ("topic", "type", "messages", "rate", "longest gap", "role")
+    widths = [max(len(row[i]) for row in (header, *rows)) for i in range(len(header))]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in (header, *rows)
+    ]
+
+
+def _lidar_line(lidar: dict[str, Any]) -> str:
+    from math import degrees
+
+    first, step = degrees(lidar["angle_min"]), degrees(lidar["angle_increment"])
+    last = first + step * max(lidar["beams"] - 1, 0)
+    mount = lidar["base_from_sensor"]
+    where = "nothing says where it sits on the base (--mount)"
+    if mount is not None:
+        x, y, z, roll, pitch, yaw = mount
+        angles = f"roll {degrees(roll):.1f}, pitch {degrees(pitch):.1f}, yaw {degrees(yaw):.1f} deg"
+        where = f"at x {x:.3f}, y {y:.3f}, z {z:.3f} m, {angles}"
+    return (
+        f"lidar {clean(lidar['topic'])} in frame {clean(lidar['frame'])}: {lidar['beams']} beams from {first:.1f} to "
+        f"{last:.1f} deg, {lidar['range_min']} to {lidar['range_max']} m; {where}"
+    )
+
+
+def _tree(parents: dict[str, str | None], roles: dict[str, Any], lidars: list[dict[str, Any]]) -> list[str]:
+    """How the frames that matter hang together, root first, and what is not connected."""
+    ends = [lidar["frame"] for lidar in lidars] or [roles["base_frame"]]
+    lines = [f"frames: {' > '.join(clean(frame) for frame in reversed(_chain(parents, end)))}" for end in ends]
+    roots = sorted(frame for frame, parent in parents.items() if parent is None)
+    lines[0] += f" ({len(parents)} in all)"
+    if len(roots) > 1:
+        lines.append(f"frames: {len(roots)} trees that nothing connects, with roots {', '.join(map(clean, roots))}")
+    return lines
+
+
+def _chain(parents: dict[str, str | None], frame: str) -> list[str]:
+    chain = [frame]
+    while (parent := parents.get(chain[-1])) is not None and parent not in chain:
+        chain.append(parent)
+    return chain

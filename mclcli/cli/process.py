@@ -1,0 +1,83 @@
+"""How a command ends: exceptions and signals become one line on stderr and an exit code."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from typing import TYPE_CHECKING, NoReturn
+
+import click
+
+from mclcli.errors import MclError
+from mclcli.text import clean
+
+if TYPE_CHECKING:
+    from types import FrameType
+
+INTERNAL_ERROR = 70
+
+
+def run(group: click.Group, args: list[str]) -> int:
+    """Run the command line; returns the exit code. ``--debug`` lets the traceback through."""
+    signal.signal(signal.SIGTERM, _terminate)
+    try:
+        # Not group.main(): it turns a closed pipe into exit code 1 before we see it.
+        with group.make_context("mcl", args) as context:
+            code = group.invoke(context)
+        sys.stdout.flush()
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        return 128 + signal.SIGINT
+    except Exception as error:
+        if "--debug" in args and not isinstance(error, BrokenPipeError | click.exceptions.Exit):
+            raise
+        return _explain(error)
+    return code if isinstance(code, int) else 0
+
+
+def _explain(error: Exception) -> int:
+    """Print what went wrong, if anything needs saying, and return the exit code."""
+    if isinstance(error, BrokenPipeError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is still buffered goes nowhere
+        return 128 + signal.SIGPIPE
+    if isinstance(error, click.exceptions.Exit):
+        return error.exit_code
+    if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        error.show()
+        return 2
+    message, code = _sentence(error)
+    click.echo(f"mcl: error: {clean(message, 1000)}", err=True)
+    return code
+
+
+def _sentence(error: Exception) -> tuple[str, int]:
+    """One line for the user, and the exit code."""
+    match error:
+        case click.ClickException():
+            return _click_message(error), 2
+        case MclError():
+            return str(error), error.exit_code
+        case MemoryError():
+            return "out of memory; fewer particles or poses, or a smaller map, need less", 1
+        case FileNotFoundError():
+            return f"{error.filename}: no such file", 2
+        case OSError():
+            return f"{error.filename or 'input or output'}: {error.strerror or error}", 1
+        case _:
+            where = f"{type(error).__name__}: {error}"
+            return (
+                f"internal error: {where}; this is a bug in mcl: run again with --debug and report it",
+                INTERNAL_ERROR,
+            )
+
+
+def _click_message(error: click.ClickException) -> str:
+    command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "mcl"
+    message = error.format_message().rstrip(".")
+    return message if "--help`" in message else f"{message}; see `{command} --help`"
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    """SIGTERM unwinds like an exception, so that outputs are finished or removed."""
+    del frame
+    sys.exit(128 + number)

@@ -1,0 +1,209 @@
+"""``mcl run``: Monte Carlo Localization over a log."""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mclcli.cli import options
+from mclcli.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from mclcli.cli.run_outputs import Outputs
+    from mclcli.io.recording import Recording
+    from mclcli.io.roles import Roles
+    from mclcli.profiles import Settings
+    from mclcli.replay import ReplayTally, Setup
+    from mclcli.world.landmarks import Landmarks
+    from mclcli.world.occupancy import OccupancyGrid
+
+DAMAGED = 3
+
+
+@click.command("run", short_help="Run Monte Carlo Localization over a log.")
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
+@click.option("--map", "map_file", type=click.Path(path_type=Path), help="Map, a map_server YAML; else the log's own.")
+@click.option(
+    "-o",
+    "--output",
+    "traces",
+    multiple=True,
+    metavar="TRACE",
+    help="Weight trace: .csv, .csv.gz, .mcap, or - for CSV on stdout; repeatable.",
+)
+@click.option(
+    "--track",
+    "tracks",
+    multiple=True,
+    metavar="FILE",
+    help="A pose per scan: .csv, .tum, or - for CSV on stdout; repeatable.",
+)
+@click.option("--steps", metavar="FILE", help="A row per update, CSV; - is stdout.")
+@click.option("--picture", metavar="F.png", help="Draw map, track, reference and final particles.")
+@click.option(
+    "--init",
+    metavar="WHERE",
+    help="X,Y,YAW[,SXY,SYAW], uniform, global, a TOPIC of the log or FILE.tum.  [default: global]",
+)
+@click.option(
+    "--seed",
+    type=click.IntRange(min=0, max=2**64 - 1),
+    default=0,
+    show_default=True,
+    help="Seed of every random stream.",
+)
+@click.option("--particles", type=click.IntRange(min=1), help="Number of particles.")
+@click.option(
+    "--scan", "scans", multiple=True, metavar="TOPIC", help="Laser scan topic; the first one given triggers updates."
+)
+@click.option("--odom", metavar="TOPIC|tf", help="Odometry topic, or tf.")
+@click.option("--vision", multiple=True, metavar="TOPIC", help="Topic of landmark sightings; needs --landmarks.")
+@click.option("--landmarks", type=click.Path(path_type=Path), help="Landmarks, CSV or YAML: id, x, y[, z].")
+@click.option(
+    "--start", metavar="TIME", help="First scan to use: seconds into the log, @SECONDS, 14:32:05 or ISO 8601."
+)
+@click.option("--duration", metavar="S", help="How long to go on, in seconds.")
+@click.option("--strict", is_flag=True, help="Stop at the first damage in the log.")
+@click.option("--truth", metavar="FILE.tum|TOPIC", help="Reference for the picture and the summary; never an input.")
+@options.parameters
+@options.model
+@options.map_limits
+@options.threads
+@options.common
+def command(**arguments: Any) -> int:
+    """Track a robot through LOG: a file, a rosbag2 folder, several of them as one log, or - for a stream on stdin.
+
+    With no output named, the track goes to stdout as CSV unless that is a terminal.
+    """
+    from mclcli.cli import run_report
+    from mclcli.cli.run_outputs import Outputs
+    from mclcli.replay import ReplayTally, replay
+
+    began = time.perf_counter()
+    settings = options.build_settings(arguments, _from_flags(arguments))
+    recording = _open(arguments)
+    parts = _roles(arguments, recording, settings)
+    grid, setup, landmarks = _set_up(arguments, recording, parts, settings)
+    truth = run_report.read_truth(arguments["truth"], recording)
+    inputs = [Path(path) for path in (*arguments["logs"], arguments["map_file"], arguments["landmarks"]) if path]
+    tally = ReplayTally()
+    with Outputs(arguments, recording, setup, settings, grid, landmarks, inputs) as outputs:
+        events = _events(recording, setup, outputs)
+        with run_report.progress(recording) as show:
+            for point in replay(events, setup, tally):
+                outputs.write(point)
+                show(point)
+        _require_updates(tally, setup)
+    summary = run_report.summarise(recording, setup, tally, outputs.track, truth, time.perf_counter() - began)
+    run_report.show(summary)
+    if arguments["picture"]:
+        title = f"Track of {', '.join(recording.log.names)}"
+        run_report.draw(arguments["picture"], inputs, grid, outputs, truth, title, summary)
+    return DAMAGED if recording.tally.lossy else 0
+
+
+def _from_flags(arguments: dict[str, Any]) -> dict[str, object]:
+    return {} if arguments["particles"] is None else {"particles": arguments["particles"]}
+
+
+def _open(arguments: dict[str, Any]) -> Recording:
+    from mclcli.io.logs import open_log
+    from mclcli.io.recording import Recording
+
+    stdin = sys.stdin.buffer if "-" in arguments["logs"] else None
+    return Recording(open_log(arguments["logs"], stdin=stdin), strict=arguments["strict"])
+
+
+def _roles(arguments: dict[str, Any], recording: Recording, settings: Settings) -> Roles:
+    from mclcli.cli import console
+    from mclcli.io import roles
+
+    wishes = roles.Wishes(
+        scan=arguments["scans"],
+        odometry=arguments["odom"] or "",
+        vision=arguments["vision"],
+        base_frame=settings.frames.base_frame_id,
+        odom_frame=settings.frames.odom_frame_id,
+    )
+    if arguments["vision"] and arguments["landmarks"] is None:
+        raise UsageError("--vision needs --landmarks: where the landmarks stand")
+    parts = roles.assign(recording.found, wishes)
+    for role in ("scan", "odometry"):
+        if "not " in (reason := parts.reasons.get(role, "")):
+            console.remark(f"{role}: {' '.join(getattr(parts, role)) if role == 'scan' else parts.odometry}, {reason}")
+    return parts
+
+
+def _set_up(
+    arguments: dict[str, Any], recording: Recording, parts: Roles, settings: Settings
+) -> tuple[OccupancyGrid | None, Setup, Landmarks | None]:
+    from mclcli import assemble
+    from mclcli.cli.run_start import read_start, read_window
+    from mclcli.io.field_cache import cached_field
+
+    grid = _find_map(arguments, recording, parts)
+    landmarks = _read_landmarks(arguments["landmarks"])
+    setup = assemble.prepare(
+        recording.found,
+        parts,
+        grid=grid,
+        landmarks=landmarks,
+        settings=settings,
+        start=read_start(arguments["init"], recording),
+        seed=arguments["seed"],
+        alpha=arguments["temperature"],
+        mounts=arguments["mounts"],
+        window_ns=read_window(arguments["start"], arguments["duration"], recording.first_ns),
+        make_field=lambda *key: cached_field(*key)[0],
+        threads=arguments["threads"],
+    )
+    return grid, setup, landmarks
+
+
+def _read_landmarks(path: Path | None) -> Landmarks | None:
+    if path is None:
+        return None
+    from mclcli.io.landmarks_file import read_landmarks
+
+    return read_landmarks(path)
+
+
+def _find_map(arguments: dict[str, Any], recording: Recording, parts: Roles) -> OccupancyGrid | None:
+    """The map asked for, else the one that the log holds."""
+    from mclcli.cli import console
+    from mclcli.io.map_yaml import load_map
+    from mclcli.world.occupancy import OccupancyGrid
+
+    if arguments["map_file"] is not None:
+        return load_map(
+            arguments["map_file"], max_cells=arguments["max_cells"], allow_outside=arguments["allow_outside"]
+        )
+    if not parts.map:
+        return None
+    grid = recording.found.topics[parts.map].sample
+    assert isinstance(grid, OccupancyGrid)  # noqa: S101 - roles go by type
+    console.remark(f"map: from the log's topic {parts.map}")
+    return grid
+
+
+def _events(recording: Recording, setup: Setup, outputs: Outputs) -> Iterator[tuple[str, object]]:
+    """Decoded messages that take part; transforms are passed on to traces that keep them."""
+    needed = setup.topics | (set(recording.found.transform_topics) if outputs.keeps_transforms else set())
+    for topic, record in recording.events(needed):
+        if isinstance(record, tuple):
+            outputs.pass_on(record)
+        yield topic, record
+
+
+def _require_updates(tally: ReplayTally, setup: Setup) -> None:
+    if tally.updates:
+        return
+    reasons = "; ".join(f"{count} {topic}: {why}" for (topic, why), count in tally.skipped.most_common(3))
+    trigger = next(iter(setup.instruments))
+    raise InputError(f"no message of {trigger} could be used ({reasons or 'there is none'}); `mcl info` shows the log")

@@ -1,0 +1,135 @@
+"""``mcl score``: poses against one scan."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from mclcli.cli import options
+from mclcli.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mclcli.cli.scans import MountedScan
+    from mclcli.profiles import Settings
+    from mclcli.sensors import Measurement
+    from mclcli.world.occupancy import OccupancyGrid
+
+
+@click.command("score", short_help="Score poses of a robot against one scan.")
+@click.argument("scan", metavar="SCAN")
+@click.option("--map", "map_file", required=True, type=click.Path(path_type=Path), help="Map, a map_server YAML.")
+@click.option("--at", metavar="TIME", help="Of a log: the scan nearest to this time.")
+@click.option("--index", type=click.IntRange(min=0), help="Of a log: the scan of this number, from 0.")
+@click.option("--scan-topic", metavar="TOPIC", help="Of a log: the topic of the scan.")
+@click.option(
+    "--pose",
+    "given",
+    multiple=True,
+    metavar="X,Y,YAW",
+    callback=options.parse_poses,
+    help="A pose of the base in map; repeatable.",
+)
+@click.option(
+    "--poses", "poses_file", metavar="FILE", help="CSV with columns x, y, yaw; other columns are passed on; - is stdin."
+)
+@click.option("--around", metavar="X,Y,YAW", callback=options.parse_pose, help="Draw poses around this one.")
+@click.option(
+    "--spread",
+    metavar="SXY,SYAW",
+    default="0.5,15deg",
+    show_default=True,
+    help="Standard deviations of the poses drawn.",
+)
+@click.option(
+    "-n", "--number", type=click.IntRange(min=1), default=1000, show_default=True, help="How many poses to draw."
+)
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the poses drawn.")
+@click.option(
+    "--grid",
+    "lattice",
+    metavar="STEP[,YAWSTEP]",
+    help="Poses on a lattice over the free cells; YAWSTEP is 5deg if not given.",
+)
+@click.option("--landmarks", type=click.Path(path_type=Path), help="Landmarks, CSV or YAML: id, x, y[, z].")
+@click.option("--bearings", type=click.Path(path_type=Path), help="Bearings seen, CSV: id, bearing.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    help="CSV or .mcap, - is stdout; CSV on stdout if neither this nor --heatmap is given.",
+)
+@click.option("--heatmap", metavar="F.png", help="Draw the likelihood over x, y (best over yaw).")
+@options.parameters
+@options.model
+@options.map_limits
+@options.threads
+@options.common
+def command(**arguments: Any) -> None:
+    """Log-likelihood and weight of every pose for one SCAN: a LaserScan as YAML or JSON, - for stdin, or a log.
+
+    \b
+        mcl extract LOG --at 12.3 | mcl score - --map m.yaml --around 1,2,90deg -n 1000 | sort -t, -k5 -g | tail
+    """  # noqa: D301 - click's mark for a verbatim paragraph
+    from mclcli.cli import score_output, score_poses
+    from mclcli.cli.scans import find_scan
+    from mclcli.filter import scoring, weights
+    from mclcli.io.map_yaml import load_map
+
+    settings = options.build_settings(arguments, {"max_beams": 0})
+    grid = load_map(arguments["map_file"], max_cells=arguments["max_cells"], allow_outside=arguments["allow_outside"])
+    scan = find_scan(arguments)
+    candidates = score_poses.collect(arguments, grid)
+    measurements = _measurements(arguments, settings, grid, scan, len(candidates.poses))
+    log_likelihoods = scoring.score(measurements, candidates.poses)
+    log_weights = scoring.temper(measurements, log_likelihoods)
+    if not weights.usable(log_weights):
+        raise InputError("no pose has a weight: every likelihood is zero or not a number; check the poses")
+    result = score_output.Scores(candidates, measurements, log_likelihoods, log_weights, weights.normalise(log_weights))
+    inputs = [
+        Path(arguments[name]) for name in ("scan", "map_file", "poses_file", "landmarks", "bearings") if arguments[name]
+    ]
+    if arguments["output"] or not arguments["heatmap"]:
+        score_output.write(result, arguments["output"] or "-", inputs, scan, grid)
+    if arguments["heatmap"]:
+        score_output.draw(result, arguments["heatmap"], inputs, grid, Path(arguments["map_file"]).name)
+
+
+def _measurements(
+    arguments: dict[str, Any], settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: int
+) -> list[Measurement]:
+    """The scan, and the bearings where there are some, ready to score."""
+    from mclcli.assemble import lidar_model
+    from mclcli.io.field_cache import cached_field
+    from mclcli.sensors.instruments import Lidar
+
+    job_size = poses * scan.scan.ranges.size
+    model = lidar_model(grid, settings, lambda *key: cached_field(*key)[0], job_size, arguments["threads"])
+    alpha = arguments["temperature"] or 1.0
+    lidar = Lidar("lidar", model, settings.beams, alpha)
+    problem = lidar.problem(scan.scan)
+    if problem:
+        raise InputError(f"{arguments['scan']}: {problem}; it cannot be scored")
+    measured = [lidar.measure(scan.scan, scan.base_from_sensor)]
+    if (arguments["landmarks"] is None) != (arguments["bearings"] is None):
+        raise UsageError("--landmarks and --bearings go together: where the landmarks are, and what was seen of them")
+    if arguments["landmarks"] is not None:
+        measured.append(_bearings(arguments, settings, alpha))
+    return measured
+
+
+def _bearings(arguments: dict[str, Any], settings: Settings, alpha: float) -> Measurement:
+    import numpy as np
+
+    from mclcli.io.landmarks_file import read_bearings, read_landmarks
+    from mclcli.sensors.bearing import BearingModel
+    from mclcli.sensors.instruments import Camera
+
+    sightings = read_bearings(arguments["bearings"])
+    camera = Camera("vision", BearingModel(settings.bearing), read_landmarks(arguments["landmarks"]), alpha)
+    mount: NDArray[np.float64] = arguments["mounts"].get("camera", np.eye(4))
+    return camera.measure(sightings, mount)

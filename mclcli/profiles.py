@@ -1,0 +1,110 @@
+"""Every parameter in one place: their names and defaults, and settings built from plain names and values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING, Any, final
+
+from mclcli.errors import UsageError, nearest_name
+from mclcli.filter.localizer import FilterParameters
+from mclcli.motion.differential import DifferentialParameters
+from mclcli.parameters import Description, described, parameter, validate
+from mclcli.quantity import parse_quantity
+from mclcli.sensors.beams import BeamSelection
+from mclcli.sensors.bearing import BearingParameters
+from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
+Value = float | str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class FrameParameters:
+    """Names of frames; empty means found from the log."""
+
+    base_frame_id: str = parameter(
+        "", "frame of the robot's base; empty: the odometry's child, base_link, base_footprint", in_nav2=True
+    )
+    odom_frame_id: str = parameter("", "frame of the odometry; empty: as recorded", in_nav2=True)
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """All parameters of a run, a group per part of the filter."""
+
+    filter: FilterParameters
+    motion: DifferentialParameters
+    beams: BeamSelection
+    likelihood_field: LikelihoodFieldParameters
+    bearing: BearingParameters
+    frames: FrameParameters
+
+    def values(self) -> dict[str, Value]:
+        """Effective value of every parameter, in the table's order."""
+        groups = (getattr(self, group.name) for group in fields(self))
+        return {field.name: getattr(group, field.name) for group in groups for field in fields(group)}
+
+
+GROUPS: dict[str, type[Any]] = {
+    "filter": FilterParameters,
+    "motion": DifferentialParameters,
+    "beams": BeamSelection,
+    "likelihood_field": LikelihoodFieldParameters,
+    "bearing": BearingParameters,
+    "frames": FrameParameters,
+}
+
+
+def table() -> Iterator[tuple[str, str, Value, Description]]:
+    """Group, name, default and description of every parameter."""
+    for group, parameters in GROUPS.items():
+        for name, default, description in described(parameters):
+            yield group, name, default, description
+
+
+def build(values: Mapping[str, object]) -> Settings:
+    """Settings with these values over the defaults; text is read with its unit (``3deg``).
+
+    Raises
+    ------
+    UsageError
+        For an unknown name (naming the nearest), or a value of the wrong kind or out of bounds.
+
+    """
+    known = {name: (group, default, description) for group, name, default, description in table()}
+    chosen: dict[str, dict[str, Value]] = {group: {} for group in GROUPS}
+    for name, value in values.items():
+        if name not in known:
+            hint = nearest_name(name, list(known))
+            raise UsageError(f"unknown parameter '{name}'{hint or '; `mcl params` lists them all'}")
+        group, default, description = known[name]
+        chosen[group][name] = read_value(name, value, default, description)
+    return Settings(**{group: parameters(**chosen[group]) for group, parameters in GROUPS.items()})
+
+
+def read_value(name: str, value: object, default: Value, description: Description) -> Value:
+    """Value of one parameter from a number or text, of the default's kind.
+
+    Raises
+    ------
+    UsageError
+        Naming the parameter and what was expected.
+
+    """
+    if isinstance(default, str):
+        return str(value)
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        raise UsageError(f"parameter {name} = {value!r}: must be a number; see `mcl params`")
+    number = parse_quantity(value, description.unit, f"parameter {name}") if isinstance(value, str) else float(value)
+    if isinstance(default, int):
+        if not number.is_integer():
+            raise UsageError(f"parameter {name} = {value}: must be a whole number; see `mcl params`")
+        return int(number)
+    return number
