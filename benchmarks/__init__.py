@@ -1,0 +1,1 @@
+"""Measurements, always as a ratio against something in the same run."""
