@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 # Neighbouring beams are correlated, sightings of landmarks hardly: measured, see docs/decisions/0004.
 LIDAR_TEMPERATURE = 0.5
 VISION_TEMPERATURE = 1.0
-_TYPICAL_UPDATES = 1500
+_UPDATES_OF_A_STREAM = 1500  # nobody knows how long a stream will be
 
 
 def prepare(
@@ -144,7 +144,8 @@ def _lidars(
         return {}
     scan = found.topics[roles.scan[0]].sample
     beams = settings.beams.max_beams or (scan.ranges.size if isinstance(scan, LaserScan) else 0)
-    job_size = _TYPICAL_UPDATES * settings.filter.particles * beams
+    updates = found.topics[roles.scan[0]].count if found.complete else _UPDATES_OF_A_STREAM
+    job_size = updates * settings.filter.particles * beams
     model = lidar_model(grid, settings, make_field, job_size, threads)
     names = _numbered("lidar", len(roles.scan))
     return {topic: Lidar(name, model, settings.beams, alpha) for topic, name in zip(roles.scan, names, strict=True)}

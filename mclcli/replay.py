@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from mclcli.sensors import Measurement
     from mclcli.sensors.instruments import Instrument, Reading
 
+    Seen = tuple[str, Reading, NDArray[np.float64], NDArray[np.float64] | None]  # topic; odometry and mount back then
+
 _GAP_NS = 1_000_000_000
 _NEW_VIEW_D, _NEW_VIEW_A = 0.01, math.radians(1.0)
 _KEEP_NS = 2_000_000_000  # odometry older than this before the last reading is forgotten
@@ -117,7 +119,7 @@ class _Run:
         self._waiting: list[tuple[int, int, int, str, Reading]] = []
         self._arrivals = 0
         self._ranks = {topic: rank for rank, topic in enumerate(setup.instruments)}
-        self._since_update: list[tuple[str, Reading, NDArray[np.float64]]] = []
+        self._since_update: list[Seen] = []
         self._belief: _Belief | None = None
 
     @property
@@ -216,14 +218,14 @@ class _Run:
         self._tally.used[topic] += 1
         self._forget(stamp_ns)
         if not triggers:
-            self._since_update.append((topic, reading, odom))
+            self._since_update.append((topic, reading, odom, self._mount(reading)))
             return
         record = None
         if self._is_due(belief, odom):
             belief, record = self._update(belief, stamp_ns, odom, topic, reading)
             self._belief = belief
         elif isinstance(reading, LandmarkSightings) and self._sees_anew(belief, odom):
-            self._since_update.append((topic, reading, odom))
+            self._since_update.append((topic, reading, odom, self._mount(reading)))
         yield _point(belief, stamp_ns, odom, record, reading)
 
     def _begin(self, stamp_ns: int, odom: NDArray[np.float64]) -> _Belief | None:
@@ -250,7 +252,7 @@ class _Run:
         self, belief: _Belief, stamp_ns: int, odom: NDArray[np.float64], topic: str, reading: Reading
     ) -> tuple[_Belief, StepRecord]:
         increment = se2.between(belief.odom_from_base, odom)
-        readings = [*self._since_update, (topic, reading, odom)]
+        readings: list[Seen] = [*self._since_update, (topic, reading, odom, self._mount(reading))]
         self._since_update.clear()
         measurements = self._measure(readings, odom)
         state, record = self._setup.localizer.step(belief.state, increment, measurements, stamp_ns)
@@ -259,13 +261,10 @@ class _Run:
         self._tally.distance += math.hypot(increment[0], increment[1])
         return _Belief(state, odom, record.estimate), record
 
-    def _measure(
-        self, readings: list[tuple[str, Reading, NDArray[np.float64]]], odom: NDArray[np.float64]
-    ) -> list[Measurement]:
+    def _measure(self, readings: list[Seen], odom: NDArray[np.float64]) -> list[Measurement]:
         """One measurement per instrument; earlier readings are seen from where the base was at their stamps."""
         parts: dict[str, list[Measurement]] = {topic: [] for topic in self._setup.instruments}
-        for topic, reading, odom_then in readings:
-            mount = self._mount(reading)
+        for topic, reading, odom_then, mount in readings:
             if mount is not None:
                 now_from_then = se3.from_planar(se2.between(odom, odom_then))
                 parts[topic].append(self._setup.instruments[topic].measure(reading, now_from_then @ mount))

@@ -9,7 +9,7 @@ import numpy as np
 
 from mclcli import compiled
 from mclcli.records import LandmarkSightings, LaserScan, Odometry, Transform
-from mclcli.world.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from mclcli.world.occupancy import FREE, OCCUPIED, OccupancyGrid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,19 +18,9 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 SECOND = 1_000_000_000
-_CELLS = {"#": OCCUPIED, ".": FREE, "?": UNKNOWN}
 
 
-def drawn(picture: str, resolution: float = 1.0, origin: Sequence[float] = (0.0, 0.0, 0.0)) -> OccupancyGrid:
-    """Map drawn with ``#`` occupied, ``.`` free, ``?`` unknown; the last line of the picture is row 0."""
-    lines = picture.split()
-    cells = np.array([[_CELLS[sign] for sign in line] for line in reversed(lines)], dtype=np.int8)
-    return OccupancyGrid(cells, resolution, np.array(origin, dtype=np.float64))
-
-
-def grid_of(
-    occupied: ArrayLike, resolution: float = 1.0, origin: Sequence[float] = (0.0, 0.0, 0.0)
-) -> OccupancyGrid:
+def grid_of(occupied: ArrayLike, resolution: float = 1.0, origin: Sequence[float] = (0.0, 0.0, 0.0)) -> OccupancyGrid:
     """Map with these cells occupied (H, W) and the others free."""
     cells = np.where(np.asarray(occupied, dtype=bool), OCCUPIED, FREE).astype(np.int8)
     return OccupancyGrid(cells, resolution, np.array(origin, dtype=np.float64))

@@ -122,7 +122,9 @@ def test_values_out_of_bounds_are_errors_that_name_the_parameter(name: str, valu
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.parametrize("value", [("sigma_bearing", 1.0), ("eps_outlier", 0.0), ("resample_ess", 1.0), ("z_rand", 0.0)])
+@pytest.mark.parametrize(
+    "value", [("sigma_bearing", 1.0), ("eps_outlier", 0.0), ("resample_ess", 1.0), ("z_rand", 0.0)]
+)
 def test_bounds_themselves_are_allowed(value: tuple[str, float]) -> None:
     assert profiles.build(dict([value])).values()[value[0]] == value[1]
 
@@ -140,6 +142,9 @@ def test_every_registered_resampler_can_be_chosen() -> None:
 @given(st.sampled_from([row[1] for row in profiles.table()]), st.floats() | st.text(max_size=6) | st.integers())
 def test_any_value_is_taken_whole_or_refused_in_one_line(name: str, value: object) -> None:
     try:
-        profiles.build({name: value})
+        taken = profiles.build({name: value}).values()[name]
     except UsageError as error:
-        assert name in str(error)
+        said = str(error)
+    else:
+        said = f"{name} = {taken}" if isinstance(taken, str) or math.isfinite(taken) else ""
+    assert name in said

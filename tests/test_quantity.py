@@ -34,8 +34,10 @@ def test_units(text: str, unit: str, value: float) -> None:
 
 @pytest.mark.parametrize(
     ("text", "unit"),
-    [("", "m"), ("m", "m"), ("5deg", "m"), ("5m", "rad"), ("5m", ""), ("nan", "m"), ("inf", "m"), ("1e999", "")]
-    + [("1_000", "m"), ("0x10", "m"), ("1,5", "m"), ("5 6", "m"), ("5mm mm", "m")],
+    [
+        *(("", "m"), ("m", "m"), ("5deg", "m"), ("5m", "rad"), ("5m", ""), ("nan", "m"), ("inf", "m"), ("1e999", "")),
+        *(("1_000", "m"), ("0x10", "m"), ("1,5", "m"), ("5 6", "m"), ("5mm mm", "m")),
+    ],
 )
 def test_what_is_no_such_quantity_is_named(text: str, unit: str) -> None:
     with pytest.raises(UsageError, match="--mount") as caught:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -66,9 +67,10 @@ def _other(recording: Recording, topic: str, at: str | None, index: int | None, 
     """Any other message whose type is known, as it is."""
     from mclcli.cli import scans
     from mclcli.io.messages import to_plain
-    from mclcli.io.plain import format_plain
+    from mclcli.io.yaml_text import to_yaml
 
     if topic not in recording.found.topics:
         raise UsageError(f"no topic '{topic}' in the log; it has {', '.join(sorted(recording.found.topics)) or 'none'}")
     message = scans.pick_one(recording.raw(topic), lambda raw: raw.log_time_ns, recording.first_ns, at, index)
-    return format_plain(to_plain(message), form)
+    plain = to_plain(message)
+    return to_yaml(plain) if form == "yaml" else json.dumps(plain) + "\n"

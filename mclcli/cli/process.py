@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import traceback
 from typing import TYPE_CHECKING, NoReturn
 
 import click
@@ -19,7 +20,7 @@ INTERNAL_ERROR = 70
 
 
 def run(group: click.Group, args: list[str]) -> int:
-    """Run the command line; returns the exit code. ``--debug`` lets the traceback through."""
+    """Run the command line; returns the exit code. ``--debug`` shows the traceback as well."""
     signal.signal(signal.SIGTERM, _terminate)
     try:
         # Not group.main(): it turns a closed pipe into exit code 1 before we see it.
@@ -30,7 +31,7 @@ def run(group: click.Group, args: list[str]) -> int:
         return 128 + signal.SIGINT
     except Exception as error:
         if "--debug" in args and not isinstance(error, BrokenPipeError | click.exceptions.Exit):
-            raise
+            traceback.print_exc()
         return _explain(error)
     return code if isinstance(code, int) else 0
 

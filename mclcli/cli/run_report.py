@@ -52,6 +52,7 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
         yield lambda _: None
         return
     from rich.live import Live
+    from rich.text import Text
 
     began = time.perf_counter()
     first_ns, last_ns = span
@@ -76,7 +77,8 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
             x, y, yaw = point.estimate.pose
             speed = part / max(now - began, 1e-9)
             pose = f"x {x:.2f} m  y {y:.2f} m  yaw {np.degrees(yaw):.0f}°"
-            live.update(f"{share}{part:.1f} s of the log  {speed:.0f} × real time  {ess}  {pose}", refresh=True)
+            line = f"{share}{part:.1f} s of the log  {speed:.0f} × real time  {ess}  {pose}"
+            live.update(Text(line, no_wrap=True, overflow="ellipsis"), refresh=True)
 
         yield show
 

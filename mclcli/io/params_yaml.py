@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from mclcli.errors import UsageError
+from mclcli.io.yaml_text import scalar
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -37,13 +38,7 @@ def format_params(values: Mapping[str, float | str], comments: Mapping[str, str]
     """YAML mapping, a line per parameter, each with its comment."""
     lines = []
     for name, value in values.items():
-        text = f"{name}: {_scalar(value)}"
+        text = f"{name}: {scalar(value)}"
         comment = (comments or {}).get(name, "")
         lines.append(f"{text:<40} # {comment}" if comment else text)
     return "\n".join(lines) + "\n"
-
-
-def _scalar(value: float | str) -> str:
-    if isinstance(value, str):
-        return value if value.isidentifier() else f'"{value}"'
-    return repr(value)

@@ -86,7 +86,7 @@ class Recording:
         return (message for message in chain(self._head, self._rest) if message.channel.topic in wanted)
 
     def _look_ahead(self) -> LogSurvey:
-        found, size = LogSurvey(), 0
+        found, size = LogSurvey(complete=False), 0
         for message in self._rest:
             self._head.append(message)
             found.add(message)

@@ -124,8 +124,8 @@ def _first(topics: list[TopicSurvey]) -> str:
 def _check(found: LogSurvey, name: str) -> None:
     topic = found.topics.get(name)
     if topic is None:
-        hint = nearest_name(name, list(found.topics)) or f"; it has {', '.join(sorted(found.topics)) or 'none'}"
-        raise UsageError(f"no topic '{name}' in the log{hint}")
+        names = ", ".join(sorted(found.topics)) or "none"
+        raise UsageError(f"no topic '{name}' in the log; it has {names}{nearest_name(name, list(found.topics))}")
     if topic.sample is None:
         problem = topic.problem or f"mcl cannot use messages of type {topic.channel.type}"
         raise UsageError(f"topic '{name}': {problem}; name another topic")

@@ -51,11 +51,15 @@ class TopicSurvey:
 @final
 @dataclass(slots=True)
 class LogSurvey:
-    """What a look through a log found: ``topics`` by name, the tree of ``frames``, ``statics`` by child."""
+    """What a look through a log found: ``topics`` by name, the tree of ``frames``, ``statics`` by child.
+
+    ``complete`` unless only the beginning of a stream was looked at.
+    """
 
     topics: dict[str, TopicSurvey] = field(default_factory=dict)
     frames: TransformTree = field(default_factory=lambda: TransformTree(keep_history=False))
     statics: dict[str, Transform] = field(default_factory=dict)
+    complete: bool = True
 
     @property
     def span_ns(self) -> tuple[int, int] | None:

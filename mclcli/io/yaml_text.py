@@ -15,11 +15,16 @@ _NOT_PLAIN = {"null", "true", "false", "yes", "no", "on", "off", "y", "n"}  # YA
 
 
 def to_yaml(mapping: Mapping[str, Any]) -> str:
-    """One YAML document of nested mappings of text, numbers and lists of numbers, ending in a newline.
+    """One YAML document of nested mappings and lists of mappings, text and numbers, ending in a newline.
 
-    Floats are in their shortest form that reads back exactly; lists of up to six numbers stay on one line.
+    Floats are in their shortest form that reads back exactly; lists of up to six scalars stay on one line.
     """
     return "".join(_lines(mapping, ""))
+
+
+def scalar(value: float | str) -> str:
+    """A number or text as YAML that reads back the same."""
+    return _text(value) if isinstance(value, str) else _number(value)
 
 
 def _lines(mapping: Mapping[str, Any], indent: str) -> Iterator[str]:
@@ -27,13 +32,19 @@ def _lines(mapping: Mapping[str, Any], indent: str) -> Iterator[str]:
         if isinstance(value, dict):
             yield f"{indent}{key}:\n"
             yield from _lines(value, indent + "  ")
+        elif isinstance(value, list) and any(isinstance(item, dict) for item in value):
+            yield f"{indent}{key}:\n"
+            for item in value:
+                first, *others = _lines(item, indent + "  ")
+                yield f"{indent}- {first.lstrip()}"
+                yield from others
         elif isinstance(value, list) and len(value) <= _SHORT:
-            yield f"{indent}{key}: [{', '.join(map(_number, value))}]\n"
+            yield f"{indent}{key}: [{', '.join(map(scalar, value))}]\n"
         elif isinstance(value, list):
             yield f"{indent}{key}:\n"
-            yield from (f"{indent}- {_number(number)}\n" for number in value)
+            yield from (f"{indent}- {scalar(item)}\n" for item in value)
         else:
-            yield f"{indent}{key}: {_text(value) if isinstance(value, str) else _number(value)}\n"
+            yield f"{indent}{key}: {scalar(value)}\n"
 
 
 def _number(value: float) -> str:

@@ -85,7 +85,7 @@ def test_far_origins_cost_the_covariance_nothing() -> None:
     poses = np.random.default_rng(1).normal(0.0, 0.01, (500, 3))
     weights = np.full(500, 1 / 500)
     near = estimate.weighted_mean(poses, weights).covariance
-    far = estimate.weighted_mean(poses + [5e6, 5e6, 0.0], weights).covariance
+    far = estimate.weighted_mean(np.add(poses, [5e6, 5e6, 0.0]), weights).covariance
     np.testing.assert_allclose(far, near, rtol=1e-4)
 
 

@@ -81,7 +81,7 @@ def test_temperature_leaves_the_carried_weight_alone() -> None:
     state = FilterState(5, np.zeros((3, 3)), carried)
     measurement = Measurement("lidar", lambda _: np.array([0.0, -2.0, -4.0]), 1, 0.0, 0.25)
     _, record = localizer(resample_ess=0.0).step(state, STILL, [measurement], 0)
-    np.testing.assert_allclose(record.log_weights, carried + [0.0, -0.5, -1.0], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(record.log_weights, np.add(carried, [0.0, -0.5, -1.0]), rtol=0, atol=1e-12)
 
 
 def test_between_resamplings_weights_are_carried() -> None:
@@ -163,7 +163,9 @@ def test_another_sensor_does_not_shift_the_random_numbers() -> None:
 
 def test_a_resampled_step_does_not_shift_the_next_steps_motion() -> None:
     kept, _ = localizer(resample_ess=0.0).step(initial_state(np.zeros((N, 3))), STILL, [sensor(near_one)], 0)
-    drawn, record = localizer(resample_ess=1.0).step(initial_state(np.zeros((N, 3))), STILL, [saying([0.0] * 49 + [1.0])], 0)
+    drawn, record = localizer(resample_ess=1.0).step(
+        initial_state(np.zeros((N, 3))), STILL, [saying([0.0] * 49 + [1.0])], 0
+    )
     assert record.resampled
     moved = [localizer().step(state, AHEAD, [], 1)[1].poses for state in (kept, drawn)]
     assert moved[0].tobytes() == moved[1].tobytes()

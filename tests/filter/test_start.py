@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,9 +14,13 @@ from mclcli.filter import lattice, particles
 from mclcli.filter.start import STATED_SPREAD, AlongPoses, Anywhere, AroundPose
 from mclcli.motion.odometry import OdometryPath
 from mclcli.records import StampedPose
-from tests.support import SECOND, drawn
+from tests.support import SECOND
+from tests.worlds import drawn
 
-GRID = drawn("#.. .?.", 0.5, (1.0, -2.0, 0.4))
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+GRID = drawn("#..\n.?.", 0.5, (1.0, -2.0, 0.4))
 EMPTY = OdometryPath()
 
 
@@ -53,7 +58,7 @@ def test_uniform_particles_fill_free_cells_only_and_evenly() -> None:
 
 def test_a_map_without_a_free_cell_is_an_error() -> None:
     with pytest.raises(InputError, match="no cell is free"):
-        Anywhere(drawn("#? ##")).place(0, EMPTY, 10, generator())
+        Anywhere(drawn("#?\n##")).place(0, EMPTY, 10, generator())
 
 
 def test_around_a_pose_holds_at_any_stamp() -> None:
@@ -63,7 +68,7 @@ def test_around_a_pose_holds_at_any_stamp() -> None:
     np.testing.assert_allclose(first.std(axis=0), [0.5, 0.5, math.radians(15)], rtol=0.15)
 
 
-def stated(seconds: float, *pose: float, covariance: np.ndarray | None = None) -> StampedPose:  # type: ignore[type-arg]
+def stated(seconds: float, *pose: float, covariance: NDArray[np.float64] | None = None) -> StampedPose:
     return StampedPose(int(seconds * SECOND), "map", np.array(pose), covariance)
 
 
@@ -100,15 +105,10 @@ def test_a_stated_pose_without_covariance_is_taken_as_good() -> None:
 
 
 def test_a_lattice_lies_on_free_cells_at_multiples_of_its_step() -> None:
-    grid = drawn("..# ... #..", 1.0, (-1.0, -1.0, 0.0))
+    grid = drawn("..#\n...\n#..", 1.0, (-1.0, -1.0, 0.0))
     points = lattice.positions(grid, 0.5)
     np.testing.assert_array_equal(points, np.rint(points * 2) / 2)
-    expected = {
-        (x / 2, y / 2)
-        for x in range(-2, 4)
-        for y in range(-2, 4)
-        if grid.free[int(y / 2 + 1), int(x / 2 + 1)]
-    }
+    expected = {(x / 2, y / 2) for x in range(-2, 4) for y in range(-2, 4) if grid.free[int(y / 2 + 1), int(x / 2 + 1)]}
     assert {tuple(point) for point in points.tolist()} == expected
 
 

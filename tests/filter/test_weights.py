@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -13,23 +14,28 @@ from mclcli.filter import scoring, weights
 from mclcli.sensors import Measurement
 from tests.reference import filter as naive
 
+if TYPE_CHECKING:
+    from random import Random
+
+    from numpy.typing import NDArray
+
 logs = st.lists(st.floats(-1e4, 1e3), min_size=1, max_size=40).map(np.array)
 
 
 @given(logs)
-def test_log_sum_exp_agrees_with_the_equation(values: np.ndarray) -> None:  # type: ignore[type-arg]
+def test_log_sum_exp_agrees_with_the_equation(values: NDArray[np.float64]) -> None:
     assert weights.log_sum_exp(values) == pytest.approx(naive.log_sum_exp(values.tolist()), rel=1e-12, abs=1e-12)
 
 
 @given(logs, st.floats(-1e4, 1e4))
-def test_a_shift_comes_out_in_front(values: np.ndarray, shift: float) -> None:  # type: ignore[type-arg]
+def test_a_shift_comes_out_in_front(values: NDArray[np.float64], shift: float) -> None:
     shifted = weights.log_sum_exp(values + shift)
     assert shifted == pytest.approx(weights.log_sum_exp(values) + shift, rel=1e-12, abs=1e-9)
     np.testing.assert_allclose(weights.normalise(values + shift), weights.normalise(values), rtol=0, atol=1e-9)
 
 
 @given(logs)
-def test_weights_sum_to_one(values: np.ndarray) -> None:  # type: ignore[type-arg]
+def test_weights_sum_to_one(values: NDArray[np.float64]) -> None:
     normalised = weights.normalise(values)
     assert abs(math.fsum(normalised.tolist()) - 1.0) <= 1e-12
     np.testing.assert_allclose(normalised, naive.normalise(values.tolist()), rtol=1e-9, atol=1e-300)
@@ -42,9 +48,9 @@ def test_many_weights_sum_to_one_too(n: int) -> None:
 
 
 @given(logs, st.randoms(use_true_random=False))
-def test_the_order_of_particles_does_not_matter(values: np.ndarray, random: object) -> None:  # type: ignore[type-arg]
+def test_the_order_of_particles_does_not_matter(values: NDArray[np.float64], random: Random) -> None:
     order = list(range(values.size))
-    random.shuffle(order)  # type: ignore[attr-defined]
+    random.shuffle(order)
     np.testing.assert_allclose(weights.normalise(values[order]), weights.normalise(values)[order], rtol=1e-12)
 
 
@@ -74,7 +80,7 @@ def test_what_can_be_normalised(values: list[float], usable: bool) -> None:  # n
 
 
 @given(logs)
-def test_the_effective_sample_size_lies_between_one_and_all(values: np.ndarray) -> None:  # type: ignore[type-arg]
+def test_the_effective_sample_size_lies_between_one_and_all(values: NDArray[np.float64]) -> None:
     ess = weights.effective_sample_size(weights.normalise(values))
     assert 1.0 - 1e-12 <= ess <= values.size * (1 + 1e-12)
 

@@ -54,7 +54,9 @@ def test_without_noise_the_odometry_is_reproduced(pose: NDArray[np.float64], inc
 @named
 def test_without_motion_noise_follows_the_named_cases_too(increment: NDArray[np.float64]) -> None:
     start = np.array([[0.3, -0.2, 2.9]])
-    np.testing.assert_allclose(QUIET.sample(start, increment, np.ones((1, 3))), se2.compose(start, increment), atol=1e-12)
+    np.testing.assert_allclose(
+        QUIET.sample(start, increment, np.ones((1, 3))), se2.compose(start, increment), atol=1e-12
+    )
 
 
 @given(poses, increments, st.tuples(*[st.floats(-3, 3)] * 3))

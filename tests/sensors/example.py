@@ -15,7 +15,6 @@ from mclcli.sensors.bearing import BearingModel, BearingParameters, observe
 from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
 from mclcli.world import distance_field
 from mclcli.world.landmarks import Landmarks
-from mclcli.world.occupancy import OccupancyGrid
 from tests.support import grid_of, level, scan_of, sightings
 
 if TYPE_CHECKING:
@@ -23,6 +22,7 @@ if TYPE_CHECKING:
 
     from mclcli.sensors import Measurement
     from mclcli.world.distance_field import Method
+    from mclcli.world.occupancy import OccupancyGrid
 
 LANDMARKS = Landmarks(("1", "2", "3"), np.array([[-1.0, 0.0, 0.0], [1.0, 0.5, 0.0], [0.0, -1.0, 0.0]]))
 PARAMETERS = LikelihoodFieldParameters(z_hit=0.95, z_rand=0.05, sigma_hit=0.15)

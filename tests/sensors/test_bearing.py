@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -15,6 +16,11 @@ from mclcli.sensors.bearing import FLOOR, BearingModel, BearingParameters, obser
 from mclcli.world.landmarks import Landmarks
 from tests.reference.sensors import bearings_log_p
 from tests.support import level, sightings
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mclcli.sensors import Measurement
 
 PLACES = {"a": (-1.0, 0.0), "b": (1.0, 0.5), "c": (0.0, -1.0)}
 LANDMARKS = Landmarks(tuple(PLACES), np.array([(*place, 0.4) for place in PLACES.values()]))
@@ -30,7 +36,9 @@ def model(sigma: float = 0.1, eps: float = 0.1) -> BearingModel:
     return BearingModel(BearingParameters(sigma_bearing=sigma, eps_outlier=eps))
 
 
-def seen_from(mount: np.ndarray, *seen: tuple[str, float], sigma: float = 0.1, eps: float = 0.1):  # type: ignore[type-arg,no-untyped-def]  # noqa: ANN201
+def seen_from(
+    mount: NDArray[np.float64], *seen: tuple[str, float], sigma: float = 0.1, eps: float = 0.1
+) -> Measurement:
     rays = level(*(bearing for _, bearing in seen))
     return model(sigma, eps).measure("vision", observe(sightings(0, [i for i, _ in seen], rays), mount, LANDMARKS))
 

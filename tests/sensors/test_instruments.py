@@ -14,9 +14,10 @@ from mclcli.sensors.instruments import Camera, Lidar, combine
 from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
 from mclcli.world import distance_field
 from mclcli.world.landmarks import Landmarks
-from tests.support import drawn, level, scan_of, sightings
+from tests.support import level, scan_of, sightings
+from tests.worlds import drawn
 
-FIELD = distance_field.compute(drawn(".... .#.. .... ....", 0.5), "exact", 2.0)
+FIELD = distance_field.compute(drawn("....\n.#..\n....\n....", 0.5), "exact", 2.0)
 LIDAR = Lidar("lidar", LikelihoodField(FIELD, LikelihoodFieldParameters()), BeamSelection(), 0.5)
 CAMERA = Camera("vision", BearingModel(BearingParameters()), Landmarks(("a",), np.array([[1.0, 1.0, 0.0]])), 0.25)
 POSES = np.array([[0.5, 0.5, 0.0], [1.0, 0.2, 2.0], [9.0, 9.0, 0.0]])

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import se2, se3
-from mclcli.sensors import beams, likelihood_field
+from mclcli import compiled, se2, se3
+from mclcli.sensors import beams
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.likelihood_field import FLOOR, LikelihoodField, LikelihoodFieldParameters
 from mclcli.world import distance_field
@@ -77,9 +77,9 @@ def test_poses_on_and_off_the_map_were_among_them() -> None:
 
 
 @pytest.mark.parametrize("code", [np.uint16, np.uint32])
-def test_both_paths_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch, code: type[np.uint16] | type[np.uint32]) -> None:
+def test_both_paths_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch, code: type[np.uint16 | np.uint32]) -> None:
     field = distance_field.compute(grid_of(ROOM, RESOLUTION, ORIGIN), "exact", MAX_DIST)
-    codes = field.codes.astype(code)
+    codes: NDArray[np.uint16] | NDArray[np.uint32] = field.codes.astype(code)  # type: ignore[assignment]
     codes.flags.writeable = False
     model = LikelihoodField(distance_field.DistanceField(codes, field.levels, RESOLUTION, field.origin), PARAMETERS)
     measurement = model.measure("lidar", beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY))
@@ -104,7 +104,12 @@ def test_threads_and_blocks_change_no_bit(monkeypatch: pytest.MonkeyPatch, *, al
 
 def test_a_large_job_ahead_takes_the_compiled_path_for_one_pose_too(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[float] = []
-    monkeypatch.setattr(likelihood_field.compiled, "worth_compiling", lambda steps: bool(asked.append(steps)))
+
+    def asked_for(steps: float) -> bool:
+        asked.append(steps)
+        return False
+
+    monkeypatch.setattr(compiled, "worth_compiling", asked_for)
     selected = beams.select(scan_of(RANGES), np.eye(4), EVERY)
     for job_size in (0.0, 1e9):
         model_over(grid_of(ROOM), job_size=job_size).measure("lidar", selected).log_likelihood(POSES[:2])
@@ -172,9 +177,7 @@ def test_dropping_nan_beams_is_removing_them(ranges: list[float]) -> None:
     np.testing.assert_allclose(scores(POSES[:20], scan), np.sum([np.zeros(20), *alone], axis=0), rtol=0, atol=1e-9)
 
 
-@given(
-    z_hit=st.floats(0.0, 1.0), z_rand=st.floats(0.0, 1.0), sigma=st.floats(1e-3, 10.0), r_max=st.floats(0.1, 1000.0)
-)
+@given(z_hit=st.floats(0.0, 1.0), z_rand=st.floats(0.0, 1.0), sigma=st.floats(1e-3, 10.0), r_max=st.floats(0.1, 1000.0))
 def test_nearer_to_an_obstacle_is_never_less_likely(z_hit: float, z_rand: float, sigma: float, r_max: float) -> None:
     parameters = LikelihoodFieldParameters(z_hit=z_hit, z_rand=z_rand, sigma_hit=sigma)
     table = LikelihoodField(model_over(grid_of(ROOM, RESOLUTION)).field, parameters).log_p(r_max)

@@ -15,7 +15,8 @@ from mclcli.errors import UsageError
 from mclcli.world import distance_field
 from mclcli.world.distance_field import METHODS
 from tests.reference.sensors import brushfire_distances, exact_distances
-from tests.support import drawn, grid_of, use_compiled
+from tests.support import grid_of, use_compiled
+from tests.worlds import drawn
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -78,23 +79,23 @@ def test_both_paths_give_the_same_brushfire_to_the_bit(monkeypatch: pytest.Monke
 
 
 def test_only_occupied_cells_count() -> None:
-    field = distance_field.compute(drawn("?.#.? ?????", 0.5), "exact", 10.0)
+    field = distance_field.compute(drawn("?.#.?\n?????", 0.5), "exact", 10.0)
     np.testing.assert_allclose(field.metres()[1], [1.0, 0.5, 0.0, 0.5, 1.0])
     np.testing.assert_allclose(field.metres()[0, 2], 0.5)
 
 
 def test_a_knights_move_is_where_the_methods_differ() -> None:
-    grid = drawn("#... .... ....")
+    grid = drawn("#...\n....\n....")
     assert distance_field.compute(grid, "exact", 9.0).metres()[1, 2] == pytest.approx(math.sqrt(5.0))
     assert distance_field.compute(grid, "brushfire", 9.0).metres()[1, 2] == pytest.approx(1.0 + math.sqrt(2.0))
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_map_without_an_obstacle_is_at_the_clamp_everywhere(method: Method) -> None:
-    field = distance_field.compute(drawn("... .?."), method, 2.0)
+    field = distance_field.compute(drawn("...\n.?."), method, 2.0)
     assert field.metres().tolist() == [[2.0] * 3] * 2
     assert field.is_flat
-    assert not distance_field.compute(drawn("... .#."), method, 2.0).is_flat
+    assert not distance_field.compute(drawn("...\n.#."), method, 2.0).is_flat
 
 
 @pytest.mark.parametrize("method", METHODS)

@@ -1,0 +1,62 @@
+"""Timing two things in alternation, so that a machine whose speed drifts does not decide between them."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Median seconds of A and of B, and the median of their ratio A/B, round by round."""
+
+    a: float
+    b: float
+    ratio: float
+
+
+def alternate(a: Callable[[], float], b: Callable[[], float], rounds: int) -> Pair:
+    """Run A and B in turn; each returns its own seconds. The first round warms up and does not count."""
+    times = [(a(), b()) for _ in range(rounds + 1)][1:]
+    return Pair(
+        statistics.median(x for x, _ in times),
+        statistics.median(y for _, y in times),
+        statistics.median(x / y for x, y in times),
+    )
+
+
+def timed(task: Callable[[], object], repeat: int = 1) -> Callable[[], float]:
+    """The seconds that one call of a task takes, averaged over ``repeat`` calls."""
+
+    def run() -> float:
+        began = time.perf_counter()
+        for _ in range(repeat):
+            task()
+        return (time.perf_counter() - began) / repeat
+
+    return run
+
+
+def process(*words: str) -> Callable[[], float]:
+    """The seconds that a whole process takes, its output thrown away."""
+    return timed(lambda: subprocess.run(words, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL))
+
+
+def peak_memory(code: str) -> float:
+    """Peak resident memory [MiB] of a Python process that runs ``code``, as Linux counts it since its start."""
+    report = f"{code}\nprint(next(line for line in open('/proc/self/status') if line.startswith('VmHWM')).split()[1])"
+    shown = subprocess.run([sys.executable, "-c", report], check=True, capture_output=True, text=True)
+    return float(shown.stdout.split()[-1]) / 2**10
+
+
+def table(rows: Sequence[tuple[str, str, str]]) -> str:
+    """Markdown table of what, measured, compared with."""
+    lines = ["| what | measured | against, in the same run |", "|---|---|---|"]
+    return "\n".join([*lines, *(f"| {a} | {b} | {c} |" for a, b, c in rows)])

@@ -1,0 +1,87 @@
+"""The program as a whole: help, version, ways to start it, refusals."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from mclcli.cli import COMMANDS
+from mclcli.version import __version__
+from tests.cli.support import ROOT, mcl, single_error
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+@pytest.mark.parametrize("flag", ["--help", "-h"])
+def test_every_command_explains_itself(name: str, flag: str) -> None:
+    result = mcl(name, flag)
+    assert (result.code, result.err) == (0, "")
+    text = result.out.decode()
+    assert text.startswith(f"Usage: mcl {name} ")
+    for option in ("--threads", "--cache-dir", "--debug", "--verbose", "--quiet", "--color"):
+        assert option in text
+
+
+def test_help_lists_the_commands() -> None:
+    result = mcl("--help")
+    assert result.code == 0
+    text = " ".join(result.out.decode().split())
+    for name, what in COMMANDS.items():
+        assert f"{name} {what}" in text
+
+
+def test_version() -> None:
+    result = mcl("--version")
+    assert result.code == 0
+    assert __version__ in result.out.decode()
+
+
+def test_without_arguments_it_shows_help_and_fails() -> None:
+    result = mcl()
+    assert (result.code, result.out) == (2, b"")
+    assert result.err.startswith("Usage: mcl ")
+
+
+def test_as_a_module() -> None:
+    done = subprocess.run([sys.executable, "-m", "mclcli", "--version"], cwd=ROOT, capture_output=True, check=False)
+    assert done.returncode == 0
+    assert __version__ in done.stdout.decode()
+    assert done.stderr == b""
+
+
+def test_an_unknown_command_names_the_nearest() -> None:
+    assert "did you mean 'score'?" in single_error(mcl("scor"), 2)
+
+
+@pytest.mark.parametrize("words", [["run"], ["run", "x.mcap", "--foo"], ["score", "x"], ["dt", "m", "--max-dist", "x"]])
+def test_click_refuses_in_one_line_too(words: list[str]) -> None:
+    assert f"see `mcl {words[0]} --help`" in single_error(mcl(*words), 2)
+
+
+@pytest.mark.parametrize("name", ["info", "run", "extract"])
+def test_a_missing_log(name: str) -> None:
+    assert single_error(mcl(name, "missing.mcap"), 2).startswith("missing.mcap: no such file; ")
+
+
+def test_a_control_character_of_the_command_line_is_not_repeated() -> None:
+    result = mcl("info", "\x1b]0;owned\x07.mcap")
+    assert "\x1b" not in result.err
+    assert "\x07" not in result.err
+    assert "\\x1b" in single_error(result, 2)
+
+
+def test_debug_shows_the_traceback_and_keeps_the_exit_code() -> None:
+    result = mcl("info", "missing.mcap", "--debug")
+    assert result.code == 2
+    assert "Traceback (most recent call last)" in result.err
+    assert result.err.splitlines()[-1].startswith("mcl: error: missing.mcap: ")
+
+
+def test_quiet_says_nothing_but_errors() -> None:
+    scan, grid = ROOT / "samples/reference_set3.yaml", ROOT / "maps/reference.yaml"
+    loud = mcl("score", scan, "--map", grid, "--pose", "0,0,0")
+    quiet = mcl("score", scan, "--map", grid, "--pose", "0,0,0", "-q")
+    assert "nothing says where the lidar sits" in loud.err
+    assert (quiet.code, quiet.err, quiet.out) == (0, "", loud.out)
+    assert single_error(mcl("score", scan, "--map", grid, "-q"), 2)
