@@ -9,7 +9,7 @@ from mclcli.errors import InputError, UsageError
 from mclcli.filter.localizer import Localizer
 from mclcli.filter.start import Anywhere, AroundPose, Start
 from mclcli.motion.differential import DifferentialMotion
-from mclcli.records import LandmarkSightings, LaserScan
+from mclcli.records import LandmarkSightings, LaserScan, PixelSightings
 from mclcli.replay import Setup
 from mclcli.sensors.bearing import BearingModel
 from mclcli.sensors.instruments import Camera, Lidar
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
 
-    FieldMaker = Callable[[OccupancyGrid, Method, float], DistanceField]
+    Temperature = float | str
+    FieldMaker = Callable[..., DistanceField]
     Mounts = Mapping[str, NDArray[np.float64]]
 
 # Neighbouring beams are correlated, sightings of landmarks hardly: measured, see docs/decisions/0004.
@@ -48,7 +49,7 @@ def prepare(
     settings: Settings | None = None,
     start: Start | None = None,
     seed: int = 0,
-    alpha: float | None = None,
+    temperature: Mapping[str, Temperature] | None = None,
     mounts: Mounts | None = None,
     window_ns: tuple[int, int] = (-(2**63), 2**63 - 1),
     make_field: FieldMaker = distance_field.compute,
@@ -68,8 +69,11 @@ def prepare(
         Parameters; ``mclcli.profiles.build({...})`` makes them.
     start
         Where the particles start: ``AroundPose``, ``AlongPoses`` or ``Anywhere`` (the default: the map's free cells).
-    seed, alpha
-        Seed of every random stream; temperature in (0, 1] on each new likelihood (None: 0.5 for lidars, 1 for vision).
+    seed
+        Seed of every random stream.
+    temperature
+        α in (0, 1], ``auto`` or ``ess`` by sensor (``lidar``, ``vision_2``…); the name '' stands for all others. What
+        is not named has the profile's own: in textbook 0.5 for lidars and 1 for vision.
     mounts
         ``base_from_sensor`` (4, 4) by frame, instead of the log's transforms; the frame '' stands for any.
     window_ns
@@ -89,8 +93,8 @@ def prepare(
     """
     settings = settings or profiles.build({})
     instruments = {
-        **_lidars(found, roles, grid, settings, alpha or LIDAR_TEMPERATURE, make_field, threads),
-        **_cameras(roles, landmarks, settings, alpha or VISION_TEMPERATURE),
+        **_lidars(found, roles, grid, settings, temperature or {}, make_field, threads),
+        **_cameras(roles, landmarks, settings, temperature or {}),
     }
     if not roles.odometry:
         raise InputError("the log has no odometry: no nav_msgs/Odometry topic, and no moving transform above the base")
@@ -125,7 +129,13 @@ def lidar_model(
     """
     parameters = settings.likelihood_field
     method: Method = "brushfire" if parameters.field_method == "brushfire" else "exact"
-    field = make_field(grid, method, parameters.laser_likelihood_max_dist)
+    field = make_field(
+        grid,
+        method,
+        parameters.laser_likelihood_max_dist,
+        boundary_only=parameters.obstacles == "boundary",
+        mark_unknown=parameters.field_unknown == "uniform",
+    )
     if not grid.occupied.any():
         raise InputError("map: no cell is occupied, so no pose fits a scan better than another; check its thresholds")
     return LikelihoodField(field, parameters, job_size, threads)
@@ -136,7 +146,7 @@ def _lidars(
     roles: Roles,
     grid: OccupancyGrid | None,
     settings: Settings,
-    alpha: float,
+    temperature: Mapping[str, Temperature],
     make_field: FieldMaker,
     threads: int,
 ) -> dict[str, Instrument]:
@@ -148,21 +158,40 @@ def _lidars(
     job_size = updates * settings.filter.particles * beams
     model = lidar_model(grid, settings, make_field, job_size, threads)
     names = _numbered("lidar", len(roles.scan))
-    return {topic: Lidar(name, model, settings.beams, alpha) for topic, name in zip(roles.scan, names, strict=True)}
+    default = LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0
+    alphas = [alpha_of(temperature, name, default) for name in names]
+    return {
+        topic: Lidar(name, model, settings.beams, alpha)
+        for topic, name, alpha in zip(roles.scan, names, alphas, strict=True)
+    }
 
 
-def _cameras(roles: Roles, landmarks: Landmarks | None, settings: Settings, alpha: float) -> dict[str, Instrument]:
+def _cameras(
+    roles: Roles, landmarks: Landmarks | None, settings: Settings, temperature: Mapping[str, Temperature]
+) -> dict[str, Instrument]:
     if landmarks is None:
         return {}
     model = BearingModel(settings.bearing)
     names = _numbered("vision", len(roles.vision))
-    return {topic: Camera(name, model, landmarks, alpha) for topic, name in zip(roles.vision, names, strict=True)}
+    alphas = [alpha_of(temperature, name, VISION_TEMPERATURE) for name in names]
+    return {
+        topic: Camera(name, model, landmarks, alpha)
+        for topic, name, alpha in zip(roles.vision, names, alphas, strict=True)
+    }
+
+
+def alpha_of(temperature: Mapping[str, Temperature], sensor: str, default: Temperature) -> Temperature:
+    """Temperature of one sensor: its own, that of its kind, that of all, or the default."""
+    names = (sensor, sensor.partition("_")[0], "")
+    return next((temperature[name] for name in names if name in temperature), default)
 
 
 def _transform_topics(found: LogSurvey, roles: Roles, topics: list[str]) -> tuple[str, ...]:
     """Topics of transforms, if odometry or a sensor's mount can only be known from moving ones."""
     samples = [found.topics[topic].sample for topic in topics]
-    frames = [sample.frame_id for sample in samples if isinstance(sample, LaserScan | LandmarkSightings)]
+    frames = [
+        sample.frame_id for sample in samples if isinstance(sample, LaserScan | LandmarkSightings | PixelSightings)
+    ]
     moving = any(found.frames.moves_between(roles.base_frame, frame) for frame in frames)
     return found.transform_topics if moving or roles.odometry == "tf" else ()
 
@@ -182,7 +211,7 @@ def _nothing_to_score(found: LogSurvey, roles: Roles, grid: OccupancyGrid | None
 
 def _check_mount(found: LogSurvey, roles: Roles, topic: str, mounts: Mounts) -> None:
     sample = found.topics[topic].sample
-    if not isinstance(sample, LaserScan | LandmarkSightings):
+    if not isinstance(sample, LaserScan | LandmarkSightings | PixelSightings):
         return
     frame, frames = sample.frame_id, found.frames.frames
     known = frame == roles.base_frame or found.frames.connected(roles.base_frame, frame)

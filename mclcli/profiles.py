@@ -37,8 +37,10 @@ class FrameParameters:
 @final
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """All parameters of a run, a group per part of the filter."""
+    """All parameters of a run, a group per part of the filter, and whose defaults they started from."""
 
+    profile: str
+    model: str
     filter: FilterParameters
     motion: DifferentialParameters
     beams: BeamSelection
@@ -48,7 +50,7 @@ class Settings:
 
     def values(self) -> dict[str, Value]:
         """Effective value of every parameter, in the table's order."""
-        groups = (getattr(self, group.name) for group in fields(self))
+        groups = [getattr(self, name) for name in GROUPS]
         return {field.name: getattr(group, field.name) for group in groups for field in fields(group)}
 
 
@@ -60,6 +62,48 @@ GROUPS: dict[str, type[Any]] = {
     "bearing": BearingParameters,
     "frames": FrameParameters,
 }
+MODELS = ("likelihood_field", "likelihood_field_prob")
+
+# What a profile changes of the textbook's defaults, for all models and for one. Beluga's and nav2's differences are
+# described, with their sources, in docs/models.md.
+_NAV2: dict[str, Value] = {
+    "short_range": "max",
+    "laser_max_range": 100.0,
+    "beam_angles": "nav2",
+    "beam_subsampling": "stride",
+    "field_anchor": "half_cell",
+    "origin_yaw": "ignore",
+    "field_precision": "single_distance",
+    "gate": "per_axis",
+    "estimate": "after",
+    "resampler": "multinomial",
+    "resample_ess": 1.0,
+}
+_BELUGA: dict[str, Value] = {
+    "max_range": "keep_equal",
+    "laser_max_range": 100.0,
+    "range_of_rand": "parameter",
+    "beam_subsampling": "even",
+    "hit_normalised": "yes",
+    "off_map": "uniform",
+    "obstacles": "boundary",
+    "field_precision": "single_likelihood",
+    "estimate": "after",
+    "resampler": "multinomial",
+    "resample_ess": 1.0,
+}
+_CUBES: dict[str, Value] = {"combination": "one_plus_cubes"}
+PROFILES: dict[str, dict[str, dict[str, Value]]] = {
+    "textbook": {"likelihood_field": {}, "likelihood_field_prob": {}},
+    "nav2": {
+        "likelihood_field": {**_NAV2, **_CUBES},
+        "likelihood_field_prob": {**_NAV2, "beam_subsampling": "stride_ceil"},
+    },
+    "beluga": {
+        "likelihood_field": {**_BELUGA, **_CUBES},
+        "likelihood_field_prob": {**_BELUGA, "obstacles": "occupied"},
+    },
+}
 
 
 def table() -> Iterator[tuple[str, str, Value, Description]]:
@@ -69,8 +113,8 @@ def table() -> Iterator[tuple[str, str, Value, Description]]:
             yield group, name, default, description
 
 
-def build(values: Mapping[str, object]) -> Settings:
-    """Settings with these values over the defaults; text is read with its unit (``3deg``).
+def build(values: Mapping[str, object], *, profile: str = "textbook", model: str = "likelihood_field") -> Settings:
+    """Settings with these values over a profile's defaults; text is read with its unit (``3deg``).
 
     Raises
     ------
@@ -80,13 +124,13 @@ def build(values: Mapping[str, object]) -> Settings:
     """
     known = {name: (group, default, description) for group, name, default, description in table()}
     chosen: dict[str, dict[str, Value]] = {group: {} for group in GROUPS}
-    for name, value in values.items():
+    for name, value in {**PROFILES[profile][model], **values}.items():
         if name not in known:
             hint = nearest_name(name, list(known))
             raise UsageError(f"unknown parameter '{name}'{hint or '; `mcl params` lists them all'}")
         group, default, description = known[name]
         chosen[group][name] = read_value(name, value, default, description)
-    return Settings(**{group: parameters(**chosen[group]) for group, parameters in GROUPS.items()})
+    return Settings(profile, model, **{group: parameters(**chosen[group]) for group, parameters in GROUPS.items()})
 
 
 def read_value(name: str, value: object, default: Value, description: Description) -> Value:
@@ -100,6 +144,8 @@ def read_value(name: str, value: object, default: Value, description: Descriptio
     """
     if isinstance(default, str):
         return str(value)
+    if isinstance(default, bool):
+        return _read_bool(name, value)
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         raise UsageError(f"parameter {name} = {value!r}: must be a number; see `mcl params`")
     number = parse_quantity(value, description.unit, f"parameter {name}") if isinstance(value, str) else float(value)
@@ -108,3 +154,10 @@ def read_value(name: str, value: object, default: Value, description: Descriptio
             raise UsageError(f"parameter {name} = {value}: must be a whole number; see `mcl params`")
         return int(number)
     return number
+
+
+def _read_bool(name: str, value: object) -> bool:
+    known = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
+    if str(value).lower() not in known:
+        raise UsageError(f"parameter {name} = {value!r}: must be true or false; see `mcl params`")
+    return known[str(value).lower()]

@@ -84,6 +84,41 @@ class LandmarkSightings:
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
+class PixelSightings:
+    """Landmarks seen in one image: ids, and where: ``pixels`` (M, 2) float64, u to the right, v down [px].
+
+    ``frame_id`` is the camera's optical frame: x right, y down, z forward.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    ids: tuple[str, ...]
+    pixels: NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class CameraModel:
+    """A camera's calibration as stated (sensor_msgs/CameraInfo); nothing is checked here, see ``mclcli.camera``.
+
+    ``k`` (3, 3) and ``distortion`` (C,) of model ``distortion_model`` belong to the raw image, the rotation ``r``
+    (3, 3) leads from it to the rectified one, to which ``p`` (3, 4) belongs. They are told for the full image, of
+    which ``binning`` (x, y) pixels make one of the published image, after ``offset`` (x, y) [px] was cut off.
+    """
+
+    stamp_ns: int
+    frame_id: str
+    distortion_model: str
+    distortion: NDArray[np.float64]
+    k: NDArray[np.float64]
+    r: NDArray[np.float64]
+    p: NDArray[np.float64]
+    binning: tuple[int, int] = (1, 1)
+    offset: tuple[int, int] = (0, 0)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
     """What the filter believes: ``pose`` (3,) x, y [m], yaw [rad] in map, and its ``covariance`` (3, 3)."""
 

@@ -115,7 +115,7 @@ class _Run:
         self._tree = setup.frames.replayed()
         self._path = OdometryPath()
         self._first_odometry_ns: int | None = None
-        self._last_reading_ns = -(2**63)
+        self._last_trigger_ns = -(2**63)
         self._waiting: list[tuple[int, int, int, str, Reading]] = []
         self._arrivals = 0
         self._ranks = {topic: rank for rank, topic in enumerate(setup.instruments)}
@@ -193,7 +193,8 @@ class _Run:
             return "outside --start and --duration"
         if self._first_odometry_ns is None or stamp_ns < self._first_odometry_ns:
             return "before the odometry's start"
-        if stamp_ns < self._last_reading_ns or not self._path.covers(stamp_ns):
+        too_late = self._ranks[topic] == 0 and stamp_ns <= self._last_trigger_ns
+        if too_late or not self._path.covers(stamp_ns):
             return "stamp older than readings already used"
         if self._mount(reading) is None:
             return f"no transform from '{self._setup.base_frame}' to '{reading.frame_id}' at its stamp"
@@ -212,20 +213,22 @@ class _Run:
         triggers = self._ranks[topic] == 0
         belief = self._belief or (self._begin(stamp_ns, odom) if triggers else None)
         if belief is None:
-            self._tally.skipped[topic, "before the first stated pose"] += 1
+            self._tally.skipped[
+                topic, "before the first stated pose" if triggers else "before the first scan used"
+            ] += 1
             return
         self._belief = belief
         self._tally.used[topic] += 1
-        self._forget(stamp_ns)
         if not triggers:
             self._since_update.append((topic, reading, odom, self._mount(reading)))
             return
+        self._forget(stamp_ns)
         record = None
         if self._is_due(belief, odom):
             belief, record = self._update(belief, stamp_ns, odom, topic, reading)
             self._belief = belief
-        elif isinstance(reading, LandmarkSightings) and self._sees_anew(belief, odom):
-            self._since_update.append((topic, reading, odom, self._mount(reading)))
+        elif isinstance(reading, LandmarkSightings):
+            self._keep_if_new(belief, topic, reading, odom)
         yield _point(belief, stamp_ns, odom, record, reading)
 
     def _begin(self, stamp_ns: int, odom: NDArray[np.float64]) -> _Belief | None:
@@ -235,18 +238,25 @@ class _Run:
         return None if poses is None else _Belief(initial_state(poses), odom, None)
 
     def _is_due(self, belief: _Belief, odom: NDArray[np.float64]) -> bool:
-        parameters = self._setup.localizer.parameters
-        moved = se2.between(belief.odom_from_base, odom)
-        return belief.estimate is None or policies.has_moved(moved, parameters.update_min_d, parameters.update_min_a)
+        if belief.estimate is None:
+            return True
+        p = self._setup.localizer.parameters
+        if p.gate == "per_axis":
+            return policies.has_moved_on_an_axis(odom - belief.odom_from_base, p.update_min_d, p.update_min_a)
+        return policies.has_moved(se2.between(belief.odom_from_base, odom), p.update_min_d, p.update_min_a)
 
-    def _sees_anew(self, belief: _Belief, odom: NDArray[np.float64]) -> bool:
-        """Whether sightings that trigger no update are worth keeping for the next one.
+    def _keep_if_new(self, belief: _Belief, topic: str, reading: Reading, odom: NDArray[np.float64]) -> None:
+        """Keep sightings that trigger no update for the next one, if the robot has moved since the last ones kept.
 
         They are few and independent where they were made from different places; from the same place they repeat
         themselves, for as long as the robot stands there.
         """
         last = self._since_update[-1][2] if self._since_update else belief.odom_from_base
-        return policies.has_moved(se2.between(last, odom), _NEW_VIEW_D, _NEW_VIEW_A)
+        if policies.has_moved(se2.between(last, odom), _NEW_VIEW_D, _NEW_VIEW_A):
+            self._since_update.append((topic, reading, odom, self._mount(reading)))
+        else:
+            self._tally.used[topic] -= 1
+            self._tally.skipped[topic, "seen from the same place as the one before"] += 1
 
     def _update(
         self, belief: _Belief, stamp_ns: int, odom: NDArray[np.float64], topic: str, reading: Reading
@@ -271,8 +281,8 @@ class _Run:
         return [combine(self._setup.instruments[topic], measured) for topic, measured in parts.items()]
 
     def _forget(self, stamp_ns: int) -> None:
-        """Let go of what no reading from here on needs; a reading that old would come out of order anyway."""
-        self._last_reading_ns = stamp_ns
+        """Let go of what no reading from here on needs, unless it comes more than 2 s late."""
+        self._last_trigger_ns = stamp_ns
         self._path.forget_before(stamp_ns - _KEEP_NS)
         self._tree.forget_before(stamp_ns - _KEEP_NS)
 

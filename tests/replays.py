@@ -11,7 +11,6 @@ from mclcli.filter.localizer import FilterParameters, Localizer
 from mclcli.filter.start import AroundPose
 from mclcli.io.frames import TransformTree
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
-from mclcli.records import TrackPoint
 from mclcli.replay import ReplayTally, Setup, replay
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingModel, BearingParameters
@@ -26,6 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
+
+    from mclcli.records import TrackPoint
 
     Event = tuple[str, object]
 

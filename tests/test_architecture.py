@@ -19,7 +19,7 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 class _RunTime(ast.NodeTransformer):
     """Leaves out what is there for type checkers alone."""
 
-    def visit_If(self, node: ast.If) -> ast.AST | None:  # noqa: N802 - the visitor's own naming
+    def visit_If(self, node: ast.If) -> ast.AST | None:
         return None if ast.unparse(node.test) == "TYPE_CHECKING" else self.generic_visit(node)
 
 

@@ -12,23 +12,12 @@ from mclcli.filter.localizer import FilterParameters, Localizer
 from mclcli.filter.start import AlongPoses, AroundPose
 from mclcli.records import LaserScan, StampedPose
 from mclcli.replay import replay
-from tests.replays import (
-    LIDAR,
-    NOISY,
-    START,
-    Event,
-    drive,
-    ns,
-    odom,
-    run,
-    scan,
-    setup,
-)
+from tests.replays import LIDAR, NOISY, START, drive, ns, odom, run, scan, setup
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    Event = tuple[str, object]
+    from tests.replays import Event
 
 
 def test_a_scan_waits_until_odometry_has_passed_it() -> None:

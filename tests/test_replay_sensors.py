@@ -10,24 +10,11 @@ import pytest
 
 from mclcli import se2, se3
 from mclcli.io.frames import TransformTree
-from tests.replays import (
-    BOTH,
-    LANDMARK,
-    MODEL,
-    START,
-    Event,
-    drive,
-    ns,
-    odom,
-    run,
-    scan,
-    seen,
-    tree,
-)
+from tests.replays import BOTH, CAMERA, LANDMARK, MODEL, START, drive, ns, odom, run, scan, seen, tree
 from tests.support import odometry, transform
 
 if TYPE_CHECKING:
-    Event = tuple[str, object]
+    from tests.replays import Event
 
 
 def test_sightings_between_updates_are_scored_once_from_where_the_robot_was() -> None:
@@ -72,6 +59,23 @@ def test_without_a_lidar_sightings_make_the_updates() -> None:
     points, _ = run([odom(0, 0), seen(0.1), odom(1, 1), seen(1), odom(2, 2)], instruments={"/camera": CAMERA})
     assert [point.step is not None for point in points] == [True, True]
     assert points[0].scan is None
+
+
+def test_without_a_lidar_sightings_below_the_gate_wait_for_the_next_update_unless_they_repeat_themselves() -> None:
+    events = [odom(0, 0), seen(0), seen(0.001), odom(1, 0.3), seen(1), odom(2, 0.3), seen(2), odom(3, 0.6), seen(3)]
+    points, tally = run(events, instruments={"/camera": CAMERA})
+    assert [point.step.beams_used if point.step else None for point in points] == [1, None, None, None, 2]
+    assert tally.used == {"/camera": 3}
+    assert tally.skipped == {("/camera", "seen from the same place as the one before"): 2}
+
+
+def test_an_image_that_comes_after_a_later_scan_was_used_still_counts() -> None:
+    late = seen(0.4)
+    events = [odom(0, 0), scan(0), odom(0.5, 1), scan(0.5), late, odom(1, 2), scan(1)]
+    points, tally = run(events, instruments=BOTH)
+    assert tally.used["/camera"] == 1
+    assert not tally.skipped
+    assert [point.step.beams_used if point.step else None for point in points] == [3, 3, 4]
 
 
 def swing(seconds: float, yaw: float) -> Event:

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 Command = TypeVar("Command", bound="Callable[..., Any]")
 
+# As in mclcli.profiles, which costs too much to import for --help; a test compares them.
+PROFILE_NAMES = ("textbook", "nav2", "beluga")
+MODEL_NAMES = ("likelihood_field", "likelihood_field_prob")
 POSE_UNITS = ("m", "m", "rad")
 MOUNT_UNITS = ("m", "m", "m", "rad", "rad", "rad")
 
@@ -66,17 +69,19 @@ def parse_settings(ctx: click.Context, param: click.Parameter, values: tuple[str
     return {key.strip(): text.strip() for key, _, text in pairs}
 
 
-def parse_temperature(ctx: click.Context, param: click.Parameter, value: str | None) -> float | None:
-    """ALPHA in (0, 1]."""
+def parse_temperature(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float | str]:
+    """[SENSOR=]ALPHA|auto|ess by sensor; '' stands for all."""
     from mclcli.quantity import parse_quantity
 
     del ctx
-    if value is None:
-        return None
-    alpha = parse_quantity(value, "", "--temperature")
-    if not 0.0 < alpha <= 1.0:
-        raise click.BadParameter(f"{value} is not in (0, 1]; 1 leaves the likelihood as it is", param=param)
-    return alpha
+    temperature: dict[str, float | str] = {}
+    for value in values:
+        sensor, _, text = value.rpartition("=")
+        alpha = text if text in {"auto", "ess"} else parse_quantity(text, "", "--temperature")
+        if isinstance(alpha, float) and not 0.0 < alpha <= 1.0:
+            raise click.BadParameter(f"{text} is not in (0, 1]; 1 leaves the likelihood as it is", param=param)
+        temperature[sensor] = alpha
+    return temperature
 
 
 def common(command: Command) -> Command:
@@ -142,7 +147,14 @@ map_limits = _all(
 
 parameters = _all(
     click.option(
-        "--profile", type=click.Choice(["textbook"]), default="textbook", show_default=True, help="Whose semantics."
+        "--profile", type=click.Choice(PROFILE_NAMES), default="textbook", show_default=True, help="Whose semantics."
+    ),
+    click.option(
+        "--model",
+        type=click.Choice(MODEL_NAMES),
+        default="likelihood_field",
+        show_default=True,
+        help="Lidar model.",
     ),
     click.option("--params", type=click.Path(path_type=Path), help="YAML file with parameters by name."),
     click.option(
@@ -157,14 +169,12 @@ parameters = _all(
 
 model = _all(
     click.option(
-        "--model",
-        type=click.Choice(["likelihood_field"]),
-        default="likelihood_field",
-        show_default=True,
-        help="Lidar model.",
-    ),
-    click.option(
-        "--temperature", metavar="ALPHA", callback=parse_temperature, help="Exponent in (0, 1] on every new likelihood."
+        "--temperature",
+        multiple=True,
+        metavar="[SENSOR=]ALPHA|auto|ess",
+        callback=parse_temperature,
+        help="Exponent in (0, 1] on every new likelihood; auto measures it from the beams' correlation, ess keeps a "
+        "share of the sample. Repeatable.",
     ),
     click.option(
         "--mount",
@@ -177,7 +187,9 @@ model = _all(
 )
 
 
-def build_settings(arguments: dict[str, Any], base: dict[str, object]) -> Settings:
+def build_settings(
+    arguments: dict[str, Any], base: dict[str, object], flags: dict[str, object] | None = None
+) -> Settings:
     """Settings of --params and --set over a command's own defaults: flag > --set > --params > default."""
     from mclcli import profiles
     from mclcli.io.params_yaml import read_params
@@ -185,4 +197,5 @@ def build_settings(arguments: dict[str, Any], base: dict[str, object]) -> Settin
     values = dict(base)
     if arguments["params"] is not None:
         values.update(read_params(arguments["params"]))
-    return profiles.build({**values, **arguments["settings"]})
+    values.update(arguments["settings"] | (flags or {}))
+    return profiles.build(values, profile=arguments["profile"], model=arguments["model"])

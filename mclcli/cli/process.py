@@ -29,7 +29,7 @@ def run(group: click.Group, args: list[str]) -> int:
         sys.stdout.flush()
     except (KeyboardInterrupt, click.exceptions.Abort):
         return 128 + signal.SIGINT
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - the last line of defence: no traceback reaches the user
         if "--debug" in args and not isinstance(error, BrokenPipeError | click.exceptions.Exit):
             traceback.print_exc()
         return _explain(error)

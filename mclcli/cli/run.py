@@ -83,15 +83,18 @@ def command(**arguments: Any) -> int:
     """
     from mclcli.cli import run_report
     from mclcli.cli.run_outputs import Outputs
+    from mclcli.io.output import open_output
     from mclcli.replay import ReplayTally, replay
 
     began = time.perf_counter()
-    settings = options.build_settings(arguments, _from_flags(arguments))
+    settings = options.build_settings(arguments, {}, _from_flags(arguments))
     recording = _open(arguments)
     parts = _roles(arguments, recording, settings)
     grid, setup, landmarks = _set_up(arguments, recording, parts, settings)
     truth = run_report.read_truth(arguments["truth"], recording)
-    inputs = [Path(path) for path in (*arguments["logs"], arguments["map_file"], arguments["landmarks"]) if path]
+    inputs = _inputs(arguments)
+    if arguments["picture"]:
+        open_output(arguments["picture"], binary=True, inputs=inputs)  # refuses now what it would refuse at the end
     tally = ReplayTally()
     with Outputs(arguments, recording, setup, settings, grid, landmarks, inputs) as outputs:
         events = _events(recording, setup, outputs)
@@ -106,6 +109,12 @@ def command(**arguments: Any) -> int:
         title = f"Track of {', '.join(recording.log.names)}"
         run_report.draw(arguments["picture"], inputs, grid, outputs, truth, title, summary)
     return DAMAGED if recording.tally.lossy else 0
+
+
+def _inputs(arguments: dict[str, Any]) -> list[Path]:
+    """Files that are read, none of which may be written."""
+    named = (*arguments["logs"], *(arguments[name] for name in ("map_file", "landmarks", "params", "init", "truth")))
+    return [Path(name) for name in named if name and (name == "-" or Path(name).exists())]
 
 
 def _from_flags(arguments: dict[str, Any]) -> dict[str, object]:
@@ -157,10 +166,10 @@ def _set_up(
         settings=settings,
         start=read_start(arguments["init"], recording),
         seed=arguments["seed"],
-        alpha=arguments["temperature"],
+        temperature=arguments["temperature"],
         mounts=arguments["mounts"],
         window_ns=read_window(arguments["start"], arguments["duration"], recording.first_ns),
-        make_field=lambda *key: cached_field(*key)[0],
+        make_field=lambda *what, **how: cached_field(*what, **how)[0],
         threads=arguments["threads"],
     )
     return grid, setup, landmarks

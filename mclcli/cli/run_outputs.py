@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import sys
 from array import array
 from contextlib import ExitStack
@@ -12,8 +13,9 @@ from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
+from mclcli.cli import console
 from mclcli.errors import UsageError
-from mclcli.io.output import open_output
+from mclcli.io.output import Output, open_output
 from mclcli.io.trace_csv import StepsCsv, TraceCsv
 from mclcli.io.track_file import TrackCsv
 from mclcli.io.tum import TumWriter
@@ -37,7 +39,7 @@ if TYPE_CHECKING:
 
 # Options that change how mcl works or where it writes, not what comes out.
 _UNRECORDED = {"-o", "--output", "--track", "--steps", "--picture", "--threads", "--cache-dir", "--color"}
-_UNRECORDED_FLAGS = {"-v", "-q", "--verbose", "--quiet", "--debug"}
+_UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|-o.+")
 
 
 @final
@@ -85,6 +87,7 @@ class Outputs:
         self._settings = settings
         self._metadata = _metadata(arguments, recording, setup, settings, grid, landmarks)
         self._stack = ExitStack()
+        self._opened: list[Output] = []
         self._points: list[RecordWriter[TrackPoint]] = []
         self._steps: list[RecordWriter[StepRecord]] = []
         self._mcaps: list[TraceMcap] = []
@@ -111,6 +114,9 @@ class Outputs:
             self._stack.__exit__(*sys.exc_info())
             raise
         self._stack.__exit__(kind, error, trace)
+        for kept in (output.kept for output in self._opened):
+            if kind is not None and kept is not None:
+                console.warn(f"interrupted: what was written so far is kept as {kept.name}")
 
     def write(self, point: TrackPoint) -> None:
         """Write one point everywhere it belongs."""
@@ -132,6 +138,7 @@ class Outputs:
     def _open(self, role: str, target: str) -> None:
         binary = target.endswith(".mcap")
         stream = self._stack.enter_context(open_output(target, binary=binary, inputs=self._inputs, keep_part=binary))
+        self._opened.append(stream)
         sensors = [instrument.name for instrument in self._setup.instruments.values()]
         if binary:
             self._mcaps.append(self._mcap(stream))
@@ -225,7 +232,7 @@ def recorded_argv(argv: Sequence[str]) -> list[str]:
     for word in rest:
         if word in _UNRECORDED:
             next(rest, None)
-        elif word.partition("=")[0] not in _UNRECORDED and word not in _UNRECORDED_FLAGS:
+        elif word.partition("=")[0] not in _UNRECORDED and not _UNRECORDED_FLAGS.fullmatch(word):
             kept.append(_base_name(word))
     return kept
 

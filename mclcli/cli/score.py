@@ -86,10 +86,13 @@ def command(**arguments: Any) -> None:
     candidates = score_poses.collect(arguments, grid)
     measurements = _measurements(arguments, settings, grid, scan, len(candidates.poses))
     log_likelihoods = scoring.score(measurements, candidates.poses)
-    log_weights = scoring.temper(measurements, log_likelihoods)
+    alphas = _alphas(measurements, log_likelihoods, candidates.poses, settings.filter.ess_target)
+    log_weights = scoring.temper(alphas, log_likelihoods)
     if not weights.usable(log_weights):
         raise InputError("no pose has a weight: every likelihood is zero or not a number; check the poses")
-    result = score_output.Scores(candidates, measurements, log_likelihoods, log_weights, weights.normalise(log_weights))
+    result = score_output.Scores(
+        candidates, measurements, alphas, log_likelihoods, log_weights, weights.normalise(log_weights)
+    )
     inputs = [
         Path(arguments[name]) for name in ("scan", "map_file", "poses_file", "landmarks", "bearings") if arguments[name]
     ]
@@ -103,14 +106,16 @@ def _measurements(
     arguments: dict[str, Any], settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: int
 ) -> list[Measurement]:
     """The scan, and the bearings where there are some, ready to score."""
-    from mclcli.assemble import lidar_model
+    from mclcli.assemble import alpha_of, lidar_model
     from mclcli.io.field_cache import cached_field
     from mclcli.sensors.instruments import Lidar
 
     job_size = poses * scan.scan.ranges.size
-    model = lidar_model(grid, settings, lambda *key: cached_field(*key)[0], job_size, arguments["threads"])
-    alpha = arguments["temperature"] or 1.0
-    lidar = Lidar("lidar", model, settings.beams, alpha)
+    model = lidar_model(
+        grid, settings, lambda *what, **how: cached_field(*what, **how)[0], job_size, arguments["threads"]
+    )
+    temperature = arguments["temperature"]
+    lidar = Lidar("lidar", model, settings.beams, alpha_of(temperature, "lidar", 1.0))
     problem = lidar.problem(scan.scan)
     if problem:
         raise InputError(f"{arguments['scan']}: {problem}; it cannot be scored")
@@ -118,11 +123,35 @@ def _measurements(
     if (arguments["landmarks"] is None) != (arguments["bearings"] is None):
         raise UsageError("--landmarks and --bearings go together: where the landmarks are, and what was seen of them")
     if arguments["landmarks"] is not None:
-        measured.append(_bearings(arguments, settings, alpha))
+        measured.append(_bearings(arguments, settings, alpha_of(temperature, "vision", 1.0)))
     return measured
 
 
-def _bearings(arguments: dict[str, Any], settings: Settings, alpha: float) -> Measurement:
+def _alphas(
+    measurements: list[Measurement],
+    log_likelihoods: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    ess_target: float,
+) -> tuple[float, ...]:
+    """Temperatures; ``auto`` looks at the beams from the likeliest pose, ``ess`` at equally weighted poses."""
+    from mclcli.cli import console
+    from mclcli.filter import temperature
+    from mclcli.filter.localizer import uniform_log_weights
+
+    best = poses[int(log_likelihoods.sum(axis=0).argmax())]
+    correlations = temperature.observe(measurements, best, {})
+    carried = uniform_log_weights(poses.shape[0])
+    alphas = temperature.resolve(measurements, log_likelihoods, carried, correlations, ess_target)
+    for measurement, alpha in zip(measurements, alphas, strict=True):
+        if isinstance(measurement.alpha, str):
+            effective = f", {alpha * measurement.count:.1f} of {measurement.count} independent" * (
+                measurement.alpha == "auto"
+            )
+            console.remark(f"temperature of {measurement.sensor}: {alpha:.3f} ({measurement.alpha}{effective})")
+    return alphas
+
+
+def _bearings(arguments: dict[str, Any], settings: Settings, alpha: float | str) -> Measurement:
     import numpy as np
 
     from mclcli.io.landmarks_file import read_bearings, read_landmarks

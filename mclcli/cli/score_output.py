@@ -35,6 +35,7 @@ class Scores:
 
     candidates: Candidates
     measurements: Sequence[Measurement]
+    alphas: tuple[float, ...]
     log_likelihoods: NDArray[np.float64]
     log_weights: NDArray[np.float64]
     weights: NDArray[np.float64]
@@ -78,7 +79,7 @@ def _write_mcap(scores: Scores, target: str, inputs: Sequence[Path], scan: Mount
         stamp_ns=scan.scan.stamp_ns,
         poses=poses,
         sensors=tuple(m.sensor for m in scores.measurements),
-        alphas=tuple(m.alpha for m in scores.measurements),
+        alphas=scores.alphas,
         log_likelihoods=scores.log_likelihoods,
         log_weights=scores.log_weights,
         weights=scores.weights,

@@ -6,22 +6,23 @@ Source: Thrun, Burgard, Fox 2005, table 8.2, with weights carried in log domain 
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, final
 
 import numpy as np
 
 from mclcli import rng
-from mclcli.filter import estimate, policies, scoring, weights
+from mclcli.filter import estimate, policies, scoring, temperature, weights
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.parameters import parameter, validate
 from mclcli.records import StepRecord
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from numpy.typing import NDArray
 
+    from mclcli.filter.temperature import Correlation
     from mclcli.sensors import Measurement
 
 
@@ -45,6 +46,19 @@ class FilterParameters:
     resample_ess: float = parameter(
         0.5, "resample when the effective sample size falls below this share of the particles", low=0.0, high=1.0
     )
+    ess_target: float = parameter(
+        0.05, "share of the sample that temperature `ess` leaves at least; below resample_ess", above=0.0, high=1.0
+    )
+    estimate: str = parameter(
+        "before",
+        "the estimate is of the weighted set before resampling, or of the set after",
+        choices=("before", "after"),
+    )
+    gate: str = parameter(
+        "euclidean",
+        "update_min_d is a distance, or bounds x and y of the odometry frame each",
+        choices=("euclidean", "per_axis"),
+    )
     update_min_d: float = parameter(0.25, "motion that calls for an update", unit="m", low=0.0, in_nav2=True)
     update_min_a: float = parameter(0.2, "turn that calls for an update", unit="rad", low=0.0, in_nav2=True)
 
@@ -55,11 +69,12 @@ class FilterParameters:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
-    """Particles (N, 3) and their normalised log-weights (N,) between two steps."""
+    """Particles (N, 3) and their normalised log-weights (N,) between two steps; what ``auto`` measured, by sensor."""
 
     step: int
     poses: NDArray[np.float64]
     log_weights: NDArray[np.float64]
+    correlations: Mapping[str, Correlation] = field(default_factory=dict)
 
 
 def initial_state(poses: NDArray[np.float64], step: int = 0) -> FilterState:
@@ -96,11 +111,18 @@ class Localizer:
         """
         poses = self._propagate(state, increment)
         log_likelihoods = scoring.score(measurements, poses)
-        tempered = scoring.temper(measurements, log_likelihoods)
-        log_weights, degenerate = _reweight(state.log_weights, tempered)
+        alphas = temperature.resolve(
+            measurements, log_likelihoods, state.log_weights, state.correlations, self.parameters.ess_target
+        )
+        log_weights, degenerate = _reweight(state.log_weights, scoring.temper(alphas, log_likelihoods))
         record = self._record(state, poses, measurements, log_likelihoods, log_weights)
-        record = dataclasses.replace(record, stamp_ns=stamp_ns, segment=segment, degenerate=degenerate)
-        return self._resample(record) if record.resampled else _carry(record), record
+        record = dataclasses.replace(record, stamp_ns=stamp_ns, segment=segment, alphas=alphas, degenerate=degenerate)
+        after = self._resample(record) if record.resampled else _carry(record)
+        if self.parameters.estimate == "after":
+            belief = estimate.weighted_mean(after.poses, weights.normalise(after.log_weights))
+            record = dataclasses.replace(record, estimate=belief)
+        correlations = temperature.observe(measurements, record.estimate.pose, state.correlations)
+        return dataclasses.replace(after, correlations=correlations), record
 
     def _propagate(self, state: FilterState, increment: NDArray[np.float64]) -> NDArray[np.float64]:
         draws = rng.stream(self.seed, rng.Purpose.MOTION, state.step)
@@ -114,7 +136,7 @@ class Localizer:
         log_likelihoods: NDArray[np.float64],
         log_weights: NDArray[np.float64],
     ) -> StepRecord:
-        """Everything that the weights say; stamp, segment and flag are filled in by the step."""
+        """Everything that the weights say; the step fills in stamp, segment, temperatures and flag."""
         normalised = weights.normalise(log_weights)
         ess = weights.effective_sample_size(normalised)
         belief = estimate.weighted_mean(poses, normalised)
@@ -124,7 +146,7 @@ class Localizer:
             stamp_ns=0,
             poses=poses,
             sensors=tuple(m.sensor for m in measurements),
-            alphas=tuple(m.alpha for m in measurements),
+            alphas=(),
             log_likelihoods=log_likelihoods,
             log_weights=log_weights,
             weights=normalised,

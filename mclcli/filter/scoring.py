@@ -19,9 +19,9 @@ def score(measurements: Sequence[Measurement], poses: NDArray[np.float64]) -> ND
     return np.array([m.log_likelihood(poses) for m in measurements]).reshape(-1, poses.shape[0])
 
 
-def temper(measurements: Sequence[Measurement], log_likelihoods: NDArray[np.float64]) -> NDArray[np.float64]:
+def temper(alphas: Sequence[float], log_likelihoods: NDArray[np.float64]) -> NDArray[np.float64]:
     """Σ_sensors α_s · log p_s (N,): the temperature applies to what is new, never to a carried weight."""
     total = np.zeros(log_likelihoods.shape[1])
-    for measurement, log_likelihood in zip(measurements, log_likelihoods, strict=True):
-        total += measurement.alpha * log_likelihood
+    for alpha, log_likelihood in zip(alphas, log_likelihoods, strict=True):
+        total += alpha * log_likelihood
     return total

@@ -1,7 +1,7 @@
 """Message definitions: which types are known, field by field, and whether a log's own definition agrees.
 
-Types come from rosbags' built-in stores and from the texts below. What a log says of its types is only ever compared,
-never registered or executed: a definition that differs makes its messages undecodable, by name.
+Types come from rosbags' built-in stores and from our own texts (``definition_texts``). What a log says of its types is
+only ever compared, never registered or executed: a definition that differs makes its messages undecodable, by name.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
+
+from mclcli.io.definition_texts import OLDER, OWN, ROS1, ROS2
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -18,26 +20,10 @@ if TYPE_CHECKING:
 Fields = tuple[tuple[str, str], ...]
 """(type, name) of each field: types as ``float64``, ``geometry_msgs/Pose[]``, ``float64[36]``; bounds left out."""
 
-_OWN = {
-    # https://github.com/JMU-ROBOTICS-VIVA/ros2_aruco, ros2_aruco_interfaces/msg/ArucoMarkers.msg
-    "ros2_aruco_interfaces/msg/ArucoMarkers": (
-        "std_msgs/Header header\nint64[] marker_ids\ngeometry_msgs/Pose[] poses\n"
-    ),
-    "mcl_msgs/msg/LandmarkBearings": "std_msgs/Header header\nstring[] ids\nfloat64[] bearings\n",
-    "mcl_msgs/msg/Step": (
-        "std_msgs/Header header\nuint32 step\nuint32 n\nfloat64 ess\nfloat64 log_evidence\nbool resampled\n"
-        "bool degenerate\nuint32 beams_used\nstring[] sensors\nfloat64[] alphas\nfloat32[] log_likelihoods\n"
-    ),
-    # https://github.com/ros-navigation/navigation2, nav2_msgs/msg
-    "nav2_msgs/msg/Particle": "geometry_msgs/Pose pose\nfloat64 weight\n",
-    "nav2_msgs/msg/ParticleCloud": "std_msgs/Header header\nnav2_msgs/Particle[] particles\n",
-}
-_OWN_ROS1 = {
-    # https://github.com/ros/geometry2 and https://github.com/ros/geometry
-    "tf2_msgs/msg/TFMessage": "geometry_msgs/TransformStamped[] transforms\n",
-    "tf/msg/tfMessage": "geometry_msgs/TransformStamped[] transforms\n",
-}
-_STORES = {"ros1": ("ROS1_NOETIC",), "cdr": ("ROS2_HUMBLE", "LATEST", "ROS2_FOXY")}
+_STORES = {
+    "ros1": (("ROS1_NOETIC", 0),),
+    "cdr": (("ROS2_HUMBLE", 0), ("LATEST", 0), ("ROS2_FOXY", 0), ("ROS2_HUMBLE", 1), ("ROS2_HUMBLE", 2)),
+}  # rosbags' name, and how many versions back our own texts go
 _ALIASES = {
     "time": "builtin_interfaces/Time",
     "duration": "builtin_interfaces/Duration",
@@ -52,24 +38,32 @@ _DEFINITION_LIMIT = 1 << 20  # longer texts are not compared, and count as unkno
 
 
 def store_for(channel: Channel) -> Typestore | str:
-    """Type store that decodes a channel's messages, or the reason why there is none."""
-    names = _STORES.get(channel.encoding)
-    if names is None:
+    """Type store that decodes a channel's messages, or the reason why there is none.
+
+    A channel without a definition of its own is taken for the newest version known.
+    """
+    versions = _STORES.get(channel.encoding)
+    if versions is None:
         return f"its encoding {channel.encoding[:40]!r} is not supported"
-    known = [store for store in map(_store, names) if channel.type in store.fielddefs]
+    known = False
+    for name, age in versions:
+        store = _store(name, age)
+        if channel.type in store.fielddefs:
+            known = True
+            if _agrees(store, channel):
+                return store
     if not known:
         return f"its type {channel.type[:100]!r} is not known"
-    fitting = (store for store in known if _agrees(store, channel))
-    return next(fitting, f"its definition of {channel.type} is another version than those known")
+    return f"its definition of {channel.type} is another version than those known"
 
 
 @lru_cache(maxsize=8)
-def _store(name: str) -> Typestore:
+def _store(name: str, age: int) -> Typestore:
     """Build one type store, with our own texts added: expensive, so once per process and only when needed."""
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores[name])
-    own = {**_OWN, **(_OWN_ROS1 if name.startswith("ROS1") else {})}
+    own = {**OWN, **(ROS1 if name.startswith("ROS1") else ROS2)} if age == 0 else OLDER[age - 1]
     types: dict[str, Any] = {}
     for kind, text in own.items():
         if kind not in store.fielddefs:

@@ -8,14 +8,15 @@ from __future__ import annotations
 
 import logging
 import math
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar, final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mclcli import se3
+from mclcli.io import vision_messages
+from mclcli.io.conversion import Context, frame_name, read_only
 from mclcli.io.parse import Undecodable, parser_for, to_plain
-from mclcli.records import LandmarkSightings, LaserScan, Odometry, StampedPose, Transform
+from mclcli.records import LaserScan, Odometry, StampedPose, Transform
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -24,41 +25,16 @@ if TYPE_CHECKING:
 
     from mclcli.io.logs.base import RawMessage, Tally
     from mclcli.io.parse import Parsed
+    from mclcli.io.vision_messages import Vision
     from mclcli.world.occupancy import OccupancyGrid
 
-    _A = TypeVar("_A", bound=NDArray[Any])
-    Record = LaserScan | Odometry | StampedPose | LandmarkSightings | OccupancyGrid | tuple[Transform, ...]
+    Record = LaserScan | Odometry | StampedPose | Vision | OccupancyGrid | tuple[Transform, ...]
 
 __all__ = ["DECODABLE", "Undecodable", "decode", "planar_covariance", "to_plain"]
 
-STAMP_ZERO = "header stamp is 0: log time used"
 NOT_RIGID = "transform left out: not rigid"
-NOT_FINITE = "sighting left out: no direction"
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 × 6 covariance
 _LARGEST = 1e12  # variance above which a covariance says nothing
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class _Context:
-    """A message under way: the raw one, and where to note what is changed in it."""
-
-    raw: RawMessage
-    tally: Tally | None
-
-    def stamp(self, header: Parsed) -> int:
-        """Header's stamp [ns], or log time where it is 0."""
-        stamp_ns = int(header.stamp.sec) * 10**9 + int(header.stamp.nanosec)
-        if stamp_ns == 0:
-            self.note(STAMP_ZERO)
-            return self.raw.log_time_ns
-        return stamp_ns
-
-    def note(self, what: str) -> None:
-        """Count a change, and warn of the first of its kind on this topic."""
-        topic = self.raw.channel.topic
-        if self.tally is not None and self.tally.note(topic, what) == 1:
-            logging.getLogger("mclcli").warning("%s: %s", topic, what)
 
 
 def decode(message: RawMessage, tally: Tally | None = None) -> Record | Undecodable:
@@ -87,39 +63,35 @@ def _decode(message: RawMessage, tally: Tally | None) -> Record | Undecodable:
     if isinstance(parse, Undecodable):
         return parse
     value = parse(message.data)
-    return value if isinstance(value, Undecodable) else convert(value, _Context(message, tally))
+    return value if isinstance(value, Undecodable) else convert(value, Context(message, tally))
 
 
-def _frame(name: str) -> str:
-    return name.lstrip("/")
-
-
-def _laser_scan(value: Parsed, context: _Context) -> LaserScan:
+def _laser_scan(value: Parsed, context: Context) -> LaserScan:
     with np.errstate(invalid="ignore"):  # signalling NaN are NaN as well
         ranges = value.ranges.astype(np.float64)
     return LaserScan(
         stamp_ns=context.stamp(value.header),
-        frame_id=_frame(value.header.frame_id),
+        frame_id=frame_name(value.header.frame_id),
         angle_min=float(value.angle_min),
         angle_increment=float(value.angle_increment),
         range_min=float(value.range_min),
         range_max=float(value.range_max),
-        ranges=_read_only(ranges),
+        ranges=read_only(ranges),
         angle_max=float(value.angle_max),
         time_increment=float(value.time_increment),
         scan_time=float(value.scan_time),
     )
 
 
-def _odometry(value: Parsed, context: _Context) -> Odometry | Undecodable:
+def _odometry(value: Parsed, context: Context) -> Odometry | Undecodable:
     pose = _planar(value.pose.pose)
     if pose is None:
         return _BAD_POSE
-    frame, child = _frame(value.header.frame_id), _frame(value.child_frame_id)
+    frame, child = frame_name(value.header.frame_id), frame_name(value.child_frame_id)
     return Odometry(context.stamp(value.header), frame, child, pose)
 
 
-def _transforms(value: Parsed, context: _Context) -> tuple[Transform, ...]:
+def _transforms(value: Parsed, context: Context) -> tuple[Transform, ...]:
     static = context.raw.channel.topic.endswith("tf_static")
     result = []
     for item in value.transforms:
@@ -129,27 +101,27 @@ def _transforms(value: Parsed, context: _Context) -> tuple[Transform, ...]:
             continue
         # A static transform holds at all times: its stamp says nothing, and is often 0.
         stamp = context.raw.log_time_ns if static and not _stamped(item.header) else context.stamp(item.header)
-        parent, child = _frame(item.header.frame_id), _frame(item.child_frame_id)
+        parent, child = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
         result.append(Transform(stamp, parent, child, matrix, static))
     return tuple(result)
 
 
-def _pose_stamped(value: Parsed, context: _Context) -> StampedPose | Undecodable:
+def _pose_stamped(value: Parsed, context: Context) -> StampedPose | Undecodable:
     pose = _planar(value.pose)
     if pose is None:
         return _BAD_POSE
-    return StampedPose(context.stamp(value.header), _frame(value.header.frame_id), pose)
+    return StampedPose(context.stamp(value.header), frame_name(value.header.frame_id), pose)
 
 
-def _pose_with_covariance(value: Parsed, context: _Context) -> StampedPose | Undecodable:
+def _pose_with_covariance(value: Parsed, context: Context) -> StampedPose | Undecodable:
     pose = _planar(value.pose.pose)
     if pose is None:
         return _BAD_POSE
     covariance = planar_covariance(np.array(value.pose.covariance, dtype=np.float64))
-    return StampedPose(context.stamp(value.header), _frame(value.header.frame_id), pose, covariance)
+    return StampedPose(context.stamp(value.header), frame_name(value.header.frame_id), pose, covariance)
 
 
-def _occupancy_grid(value: Parsed, _: _Context) -> OccupancyGrid | Undecodable:
+def _occupancy_grid(value: Parsed, _: Context) -> OccupancyGrid | Undecodable:
     from mclcli.world.occupancy import OccupancyGrid
 
     info = value.info
@@ -158,35 +130,11 @@ def _occupancy_grid(value: Parsed, _: _Context) -> OccupancyGrid | Undecodable:
         return _BAD_POSE
     if info.width * info.height != len(value.data):
         return Undecodable("its cells are not width × height")
-    cells = _read_only(np.array(value.data, dtype=np.int8).reshape(info.height, info.width))
+    cells = read_only(np.array(value.data, dtype=np.int8).reshape(info.height, info.width))
     try:
         return OccupancyGrid(cells, float(info.resolution), origin)
     except ValueError as error:
         return Undecodable(str(error)[:200])
-
-
-def _aruco_markers(value: Parsed, context: _Context) -> LandmarkSightings | Undecodable:
-    if len(value.marker_ids) != len(value.poses):
-        return Undecodable("it has not as many ids as poses")
-    rays = np.array([(p.position.x, p.position.y, p.position.z) for p in value.poses], dtype=np.float64).reshape(-1, 3)
-    return _sightings(value.header, [str(int(number)) for number in value.marker_ids], rays, context)
-
-
-def _landmark_bearings(value: Parsed, context: _Context) -> LandmarkSightings | Undecodable:
-    if len(value.ids) != len(value.bearings):
-        return Undecodable("it has not as many ids as bearings")
-    with np.errstate(invalid="ignore"):  # directions that are not finite are left out below
-        bearings = np.array(value.bearings, dtype=np.float64)
-        rays = np.stack([np.cos(bearings), np.sin(bearings), np.zeros_like(bearings)], axis=-1)
-    return _sightings(value.header, list(value.ids), rays, context)
-
-
-def _sightings(header: Parsed, ids: list[str], rays: NDArray[np.float64], context: _Context) -> LandmarkSightings:
-    good = np.isfinite(rays).all(axis=1) & (rays != 0.0).any(axis=1)
-    for _ in range(int((~good).sum())):
-        context.note(NOT_FINITE)
-    kept = tuple(name for name, fine in zip(ids, good, strict=True) if fine)
-    return LandmarkSightings(context.stamp(header), _frame(header.frame_id), kept, _read_only(rays[good]))
 
 
 def planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -199,7 +147,7 @@ def planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] | 
     if not 0.0 < largest <= _LARGEST or np.abs(planar - planar.T).max() > 1e-6 * largest:
         return None
     symmetric = 0.5 * (planar + planar.T)
-    return _read_only(symmetric) if np.linalg.eigvalsh(symmetric)[0] >= -1e-9 * largest else None
+    return read_only(symmetric) if np.linalg.eigvalsh(symmetric)[0] >= -1e-9 * largest else None
 
 
 def _matrix(position: Parsed, rotation: Parsed) -> NDArray[np.float64] | None:
@@ -208,27 +156,22 @@ def _matrix(position: Parsed, rotation: Parsed) -> NDArray[np.float64] | None:
     if not abs(math.hypot(*quaternion) - 1.0) <= 1e-2:  # told first: squares of wild numbers overflow
         return None
     try:
-        return _read_only(se3.from_quaternion((position.x, position.y, position.z), quaternion))
+        return read_only(se3.from_quaternion((position.x, position.y, position.z), quaternion))
     except ValueError:
         return None
 
 
 def _planar(pose: Parsed) -> NDArray[np.float64] | None:
     matrix = _matrix(pose.position, pose.orientation)
-    return None if matrix is None else _read_only(se3.to_planar(matrix))
+    return None if matrix is None else read_only(se3.to_planar(matrix))
 
 
 def _stamped(header: Parsed) -> bool:
     return bool(header.stamp.sec or header.stamp.nanosec)
 
 
-def _read_only(array: _A) -> _A:
-    array.flags.writeable = False
-    return array
-
-
 _BAD_POSE = Undecodable("its pose is not rigid: position not finite, or quaternion not of length 1")
-_CONVERTERS: dict[str, Callable[[Parsed, _Context], Record | Undecodable]] = {
+_CONVERTERS: dict[str, Callable[[Parsed, Context], Record | Undecodable]] = {
     "sensor_msgs/msg/LaserScan": _laser_scan,
     "nav_msgs/msg/Odometry": _odometry,
     "tf2_msgs/msg/TFMessage": _transforms,
@@ -236,8 +179,7 @@ _CONVERTERS: dict[str, Callable[[Parsed, _Context], Record | Undecodable]] = {
     "geometry_msgs/msg/PoseStamped": _pose_stamped,
     "geometry_msgs/msg/PoseWithCovarianceStamped": _pose_with_covariance,
     "nav_msgs/msg/OccupancyGrid": _occupancy_grid,
-    "ros2_aruco_interfaces/msg/ArucoMarkers": _aruco_markers,
-    "mcl_msgs/msg/LandmarkBearings": _landmark_bearings,
+    **vision_messages.CONVERTERS,
 }
 DECODABLE = frozenset(_CONVERTERS)
 """Types, as ROS 2 writes them, that ``decode`` turns into records."""

@@ -6,6 +6,7 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, final
 
+from mclcli.io.cameras import Cameras
 from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Tally
 from mclcli.io.messages import Undecodable, decode
@@ -58,12 +59,19 @@ class Recording:
         return assign(self.found, wishes or Wishes())
 
     def events(self, topics: Iterable[str]) -> Iterator[tuple[str, object]]:
-        """Decoded messages of some topics, (topic, record), in log-time order; those that cannot be are counted."""
+        """Decoded messages of some topics, (topic, record), in log-time order; those that cannot be are counted.
+
+        Landmarks found in images come as rays: calibrations of their cameras are read along with them.
+        """
         wanted = frozenset(topics)
-        for message in self._messages(wanted):
+        cameras = Cameras(self.found, wanted, self.tally)
+        for message in self._messages(wanted | cameras.topics):
             record = decode(message, self.tally)
-            if not isinstance(record, Undecodable):
-                yield message.channel.topic, record
+            if isinstance(record, Undecodable):
+                continue
+            usable = cameras.see(message.channel.topic, record)
+            if usable is not None and message.channel.topic in wanted:
+                yield message.channel.topic, usable
 
     @property
     def first_ns(self) -> int:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError, UsageError, nearest_name
+from mclcli.io import cameras
 from mclcli.records import Odometry
 
 if TYPE_CHECKING:
@@ -15,7 +16,14 @@ if TYPE_CHECKING:
 
 SCAN = ("sensor_msgs/msg/LaserScan",)
 ODOMETRY = ("nav_msgs/msg/Odometry",)
-SIGHTINGS = ("ros2_aruco_interfaces/msg/ArucoMarkers", "mcl_msgs/msg/LandmarkBearings")
+SIGHTINGS = (
+    "ros2_aruco_interfaces/msg/ArucoMarkers",
+    "aruco_opencv_msgs/msg/ArucoDetection",
+    "aruco_opencv_msgs/msg/MarkerDetection",
+    "vision_msgs/msg/Detection3DArray",
+    "mcl_msgs/msg/LandmarkBearings",
+    *cameras.PIXELS,
+)
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 MAP = ("nav_msgs/msg/OccupancyGrid",)
 TF = "tf"
@@ -65,9 +73,12 @@ def assign(found: LogSurvey, wishes: Wishes = Wishes()) -> Roles:
     reasons: dict[str, str] = {}
     scan = wishes.scan or _nearest_to("scan", found.of_type(*SCAN), "laser scan", reasons, "scan")
     odometry = wishes.odometry or _find_odometry(found, wishes, reasons)
-    vision = wishes.vision or tuple(topic.channel.topic for topic in found.of_type(*SIGHTINGS))
-    for topic in (*scan, *vision, *([odometry] if odometry.startswith("/") else [])):
-        _check(found, topic)
+    vision = wishes.vision or _find_vision(found)
+    named = () if odometry in {"", TF} else (odometry,)
+    for names, types in ((scan, SCAN), (vision, SIGHTINGS), (named, ODOMETRY)):
+        for name in names:
+            _check(found, name, types)
+    cameras.explain(found, vision, reasons)
     base, odom = _frames(found, odometry, wishes)
     return Roles(
         scan=scan,
@@ -110,6 +121,12 @@ def _find_odometry(found: LogSurvey, wishes: Wishes, reasons: dict[str, str]) ->
     return ""
 
 
+def _find_vision(found: LogSurvey) -> tuple[str, ...]:
+    """Every topic with landmarks; last those whose camera is not known: the first one may have to trigger updates."""
+    names = [topic.channel.topic for topic in found.of_type(*SIGHTINGS)]
+    return tuple(sorted(names, key=lambda name: cameras.is_without_calibration(found, name)))
+
+
 def _find_truth(found: LogSurvey, reasons: dict[str, str]) -> str:
     named = [t for t in found.of_type(*POSES, *ODOMETRY) if is_truth(t.channel.topic)]
     if named:
@@ -121,18 +138,21 @@ def _first(topics: list[TopicSurvey]) -> str:
     return topics[0].channel.topic if topics else ""
 
 
-def _check(found: LogSurvey, name: str) -> None:
+def _check(found: LogSurvey, name: str, types: tuple[str, ...]) -> None:
     topic = found.topics.get(name)
     if topic is None:
         names = ", ".join(sorted(found.topics)) or "none"
-        raise UsageError(f"no topic '{name}' in the log; it has {names}{nearest_name(name, list(found.topics))}")
+        raise UsageError(f"no topic '{name}' in the log{nearest_name(name, list(found.topics))}; it has {names}")
     if topic.sample is None:
         problem = topic.problem or f"mcl cannot use messages of type {topic.channel.type}"
         raise UsageError(f"topic '{name}': {problem}; name another topic")
+    if topic.channel.type not in types:
+        hint = "give --odom another topic, or tf" if types == ODOMETRY else "name another topic"
+        raise UsageError(f"topic '{name}': not of type {' or '.join(types)}; {hint}")
 
 
 def _frames(found: LogSurvey, odometry: str, wishes: Wishes) -> tuple[str, str]:
-    sample = found.topics[odometry].sample if odometry.startswith("/") else None
+    sample = found.topics[odometry].sample if odometry in found.topics else None
     if sample is not None and not isinstance(sample, Odometry):
         raise UsageError(f"topic '{odometry}': not of type nav_msgs/msg/Odometry; give --odom another topic, or tf")
     base = _base_frame(found, wishes, sample)

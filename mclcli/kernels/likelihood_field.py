@@ -18,7 +18,7 @@ def _signature(code: nb.types.Type) -> object:
 def sum_log_p(codes, log_p, x, y, cos, sin, end_x, end_y, out):  # type: ignore[no-untyped-def]
     """Add to ``out`` (N,) the sum over beams of ``log_p[code of the endpoint's cell]``, beams in their order.
 
-    ``codes`` (H, W) unsigned; ``log_p`` (L,), whose last entry also serves endpoints off the map; ``x``, ``y``,
+    ``codes`` (H, W) unsigned; ``log_p`` (L + 1,), the last entry for endpoints off the map; ``x``, ``y``,
     ``cos``, ``sin`` (N,): particles in cells; ``end_x``, ``end_y`` (B,): endpoints from the base, in cells.
     """
     height, width = codes.shape

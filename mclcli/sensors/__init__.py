@@ -23,14 +23,17 @@ class Measurement:
 
     ``log_likelihood`` maps poses (N, 3) to log p(z | x) (N,), untempered; ``count`` beams or sightings are in it, each
     at most ``log_peak``/``count`` high on average, so that ``log_peak`` is the log p of a perfect fit.
-    ``alpha`` in (0, 1] is the temperature its logarithm is multiplied with.
+    ``alpha`` in (0, 1], ``auto`` or ``ess``, is the temperature that its logarithm is multiplied with. ``each`` gives
+    log p (count,) of every beam or sighting at one pose (3,), neighbours next to each other; None where that means
+    nothing.
     """
 
     sensor: str
     log_likelihood: Callable[[NDArray[np.float64]], NDArray[np.float64]]
     count: int
     log_peak: float
-    alpha: float = 1.0
+    alpha: float | str = 1.0
+    each: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
 
 
 def floored_log(p: NDArray[np.float64], floor: float) -> NDArray[np.float64]:

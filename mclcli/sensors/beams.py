@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -34,8 +34,27 @@ class BeamSelection:
     )
     max_range: str = parameter(
         "skip",
-        "readings ≥ the maximum range or ≤ the minimum: left out, or clamped to [0, maximum] and scored",
-        choices=("skip", "score"),
+        "readings ≥ the maximum range: left out; clamped to [0, maximum] and scored, like those ≤ the minimum; or left "
+        "out only above it",
+        choices=("skip", "score", "keep_equal"),
+    )
+    short_range: str = parameter(
+        "skip", "readings ≤ the minimum range: left out, or taken for the maximum", choices=("skip", "max")
+    )
+    beam_subsampling: str = parameter(
+        "even_valid",
+        "max_beams chosen evenly after or before invalid ones are dropped, or every (n−1)/(K−1)th or ⌈n/K⌉th beam",
+        choices=("even_valid", "even", "stride", "stride_ceil"),
+    )
+    beam_angles: str = parameter(
+        "exact",
+        "beam angles through the mount, or as nav2_amcl forms them in single precision",
+        choices=("exact", "nav2"),
+    )
+    range_of_rand: str = parameter(
+        "smaller",
+        "z_rand is spread over the smaller maximum range, or over laser_max_range whatever the scan says",
+        choices=("smaller", "parameter"),
     )
 
     def __post_init__(self) -> None:
@@ -49,18 +68,32 @@ class Beams:
 
     ``origins`` (B, 2) [m] and ``directions`` (B, 2) in the base frame: beam i of range r ends at
     ``origins + r·directions`` on the ground plane (a tilted lidar's directions are shorter than 1).
-    ``ranges`` (B,) [m]; ``r_max`` [m] the range from which on nothing was seen.
+    ``ranges`` (B,) [m]; ``r_max`` [m] the range from which on nothing was seen. ``indices`` (B,) are the beams' numbers
+    in the scan; ``slots`` how many beams there would be if none were invalid.
     """
 
     origins: NDArray[np.float64]
     directions: NDArray[np.float64]
     ranges: NDArray[np.float64]
     r_max: float
+    indices: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    slots: int = 0
 
     @property
     def endpoints(self) -> NDArray[np.float64]:
         """Endpoints (B, 2) [m] in the base frame."""
         return self.origins + self.ranges[:, np.newaxis] * self.directions
+
+    def subset(self, kept: NDArray[np.bool_]) -> Beams:
+        """The beams that ``kept`` (B,) marks."""
+        indices = self.indices[kept] if self.indices.size else self.indices
+        return replace(
+            self,
+            origins=self.origins[kept],
+            directions=self.directions[kept],
+            ranges=self.ranges[kept],
+            indices=indices,
+        )
 
 
 def maximum_range(scan: LaserScan, selection: BeamSelection) -> float:
@@ -82,29 +115,81 @@ def maximum_range(scan: LaserScan, selection: BeamSelection) -> float:
 
 
 def select(scan: LaserScan, base_from_sensor: NDArray[np.float64], selection: BeamSelection) -> Beams:
-    """Beams of a scan to score, through the sensor's mount (4, 4) with its full 3-D rotation.
-
-    Invalid readings are dropped first, then ``max_beams`` are chosen evenly: indices ⌈i(n−1)/(K−1)⌉.
-    """
+    """Beams of a scan to score, through the sensor's mount (4, 4) with its full 3-D rotation."""
     r_max = maximum_range(scan, selection)
-    valid = np.flatnonzero(_is_valid(scan, selection, r_max))
-    chosen = valid[_evenly(valid.size, selection.max_beams)]
-    ranges = np.clip(scan.ranges[chosen], 0.0, r_max)
-    angles = scan.angle_min + chosen * scan.angle_increment
-    rays = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    directions = rays @ base_from_sensor[:2, :2].T
-    return Beams(np.broadcast_to(base_from_sensor[:2, 3], directions.shape), directions, ranges, r_max)
+    ranges = _prepared(scan, selection, r_max)
+    valid = ~np.isnan(ranges)
+    chosen, slots = _subsample(valid, selection)
+    chosen = chosen[valid[chosen]]
+    directions = _directions(scan, base_from_sensor, chosen, selection)
+    origins = np.broadcast_to(base_from_sensor[:2, 3], directions.shape)
+    spread = selection.laser_max_range if selection.range_of_rand == "parameter" else r_max
+    return Beams(origins, directions, ranges[chosen], spread, chosen, slots)
 
 
-def _is_valid(scan: LaserScan, selection: BeamSelection, r_max: float) -> NDArray[np.bool_]:
+def _prepared(scan: LaserScan, selection: BeamSelection, r_max: float) -> NDArray[np.float64]:
+    """Ranges (B,) as they are scored, NaN where a reading is left out."""
+    ranges: NDArray[np.float64] = scan.ranges
+    if selection.short_range == "max":
+        ranges = np.asarray(np.where(ranges <= _minimum_range(scan, selection), r_max, ranges), np.float64)
     if selection.max_range == "score":
-        return ~np.isnan(scan.ranges)
-    r_min = max(scan.range_min, selection.laser_min_range)
-    return (scan.ranges > r_min) & (scan.ranges < r_max)  # false for NaN
+        return np.clip(ranges, 0.0, r_max)
+    minimum = _minimum_range(scan, selection)
+    if selection.max_range == "keep_equal":
+        valid = (ranges >= minimum) & (ranges <= r_max)
+    else:
+        valid = (ranges > minimum) & (ranges < r_max)
+    return np.where(valid, ranges, np.nan)  # comparisons with NaN are false
+
+
+def _minimum_range(scan: LaserScan, selection: BeamSelection) -> float:
+    return max(scan.range_min, selection.laser_min_range)
+
+
+def _subsample(valid: NDArray[np.bool_], selection: BeamSelection) -> tuple[NDArray[np.int64], int]:
+    """Indices of the beams looked at, and how many there can be."""
+    n, k = valid.size, selection.max_beams
+    if selection.beam_subsampling == "even_valid":
+        found = np.flatnonzero(valid)
+        chosen = found[_evenly(found.size, k)]
+        return chosen, chosen.size
+    if selection.beam_subsampling == "even":
+        chosen = _evenly(n, k)
+        return chosen, chosen.size
+    if k == 0:
+        return np.arange(n), n
+    step = -(-n // k) if selection.beam_subsampling == "stride_ceil" else (n - 1) // max(k - 1, 1)
+    return np.arange(0, n, max(step, 1)), k
+
+
+def _directions(
+    scan: LaserScan, base_from_sensor: NDArray[np.float64], chosen: NDArray[np.int64], selection: BeamSelection
+) -> NDArray[np.float64]:
+    if selection.beam_angles == "nav2":
+        angles = _nav2_angles(scan, base_from_sensor, chosen)
+        return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    angles = scan.angle_min + chosen.astype(np.float64) * scan.angle_increment
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ base_from_sensor[:2, :2].T
+
+
+def _nav2_angles(
+    scan: LaserScan, base_from_sensor: NDArray[np.float64], chosen: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Angles in the base frame as nav2_amcl derives them: two beams are turned, their difference is the increment.
+
+    The sum of start and increment is formed in single precision, so that the last beams are off by up to 5e-5 rad.
+    """
+    second = float(np.float32(scan.angle_min) + np.float32(scan.angle_increment))
+    yaws = []
+    for angle in (scan.angle_min, second):
+        ray = base_from_sensor[:3, :3] @ np.array([math.cos(angle), math.sin(angle), 0.0])
+        yaws.append(math.atan2(ray[1], ray[0]))
+    increment = math.fmod(yaws[1] - yaws[0] + 5.0 * math.pi, 2.0 * math.pi) - math.pi
+    return yaws[0] + chosen.astype(np.float64) * increment
 
 
 def _evenly(n: int, k: int) -> NDArray[np.int64]:
-    """k of n indices, the first and the last among them; all where k is 0 or at least n."""
+    """k of n indices, the first and the last among them: ⌈i(n−1)/(k−1)⌉; all where k is 0 or at least n."""
     if k in {0, n} or k > n:
         return np.arange(n)
     if k == 1:

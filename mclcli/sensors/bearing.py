@@ -79,7 +79,7 @@ class BearingModel:
 
     parameters: BearingParameters
 
-    def measure(self, sensor: str, bearings: Bearings, alpha: float = 1.0) -> Measurement:
+    def measure(self, sensor: str, bearings: Bearings, alpha: float | str = 1.0) -> Measurement:
         """Measurement that scores poses against these bearings."""
         count = bearings.angles.size + bearings.unknown
         best = float(self.log_p(np.zeros(1))[0]) * bearings.angles.size - math.log(se2.TAU) * bearings.unknown

@@ -32,8 +32,8 @@ class Instrument(Protocol):
         ...
 
     @property
-    def alpha(self) -> float:
-        """Temperature in (0, 1]."""
+    def alpha(self) -> float | str:
+        """Temperature in (0, 1], ``auto`` or ``ess``."""
         ...
 
     def problem(self, reading: Reading) -> str:
@@ -53,7 +53,7 @@ class Lidar:
     name: str
     model: LikelihoodField
     selection: BeamSelection
-    alpha: float = 1.0
+    alpha: float | str = 1.0
 
     def problem(self, reading: Reading) -> str:
         """Why a scan cannot be used: its geometry makes no sense."""
@@ -79,7 +79,7 @@ class Camera:
     name: str
     model: BearingModel
     landmarks: Landmarks
-    alpha: float = 1.0
+    alpha: float | str = 1.0
 
     def problem(self, reading: Reading) -> str:
         """Why sightings cannot be used."""
@@ -104,4 +104,5 @@ def combine(instrument: Instrument, measurements: Sequence[Measurement]) -> Meas
 
     count = sum(m.count for m in measurements)
     peak = sum(m.log_peak for m in measurements)
-    return Measurement(instrument.name, log_likelihood, count, peak, instrument.alpha)
+    each = measurements[-1].each if measurements else None
+    return Measurement(instrument.name, log_likelihood, count, peak, instrument.alpha, each)

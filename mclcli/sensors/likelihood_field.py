@@ -3,7 +3,8 @@
     p(r_i | x) = z_hit · exp(−d² / 2σ²) + z_rand / r_max,    log p(z | x) = Σ_i log p(r_i | x)
 
 with d the distance of the endpoint's cell to the nearest occupied cell. Unnormalised on purpose: not a density in r.
-Source: Thrun, Burgard, Fox 2005, *Probabilistic Robotics*, table 6.3.
+Source: Thrun, Burgard, Fox 2005, *Probabilistic Robotics*, table 6.3. The switches reproduce what nav2_amcl and Beluga
+make of it; see docs/models.md.
 """
 
 from __future__ import annotations
@@ -15,20 +16,18 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import compiled
 from mclcli.parameters import parameter, validate
-from mclcli.sensors import Measurement, floored_log
+from mclcli.sensors import Measurement, endpoints, floored_log
+from mclcli.sensors.beam_skipping import BeamSkipping, kept_beams
+from mclcli.sensors.endpoints import Anchoring
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
     from mclcli.sensors.beams import Beams
     from mclcli.world.distance_field import DistanceField
 
 FLOOR = 1e-12
-_BLOCK = 4096  # poses whose temporaries stay in the second-level cache
 
 
 @final
@@ -44,6 +43,45 @@ class LikelihoodFieldParameters:
     )
     field_method: str = parameter(
         "exact", "Euclidean distances, or shortest 8-neighbour paths", choices=("exact", "brushfire")
+    )
+    field_lookup: str = parameter(
+        "nearest",
+        "distance of the cell that contains the endpoint, or interpolated between cells",
+        choices=("nearest", "bilinear"),
+    )
+    combination: str = parameter(
+        "log", "beams combine as Σ log p, or as log(1 + Σ p³)", choices=("log", "one_plus_cubes")
+    )
+    hit_normalised: str = parameter("no", "divide the hit component by σ√2π", choices=("no", "yes"))
+    off_map: str = parameter(
+        "max_dist", "an endpoint off the map has the greatest distance, or p = 1/r_max", choices=("max_dist", "uniform")
+    )
+    field_unknown: str = parameter(
+        "free", "an unknown cell has its distance like a free one, or p = 1/r_max", choices=("free", "uniform")
+    )
+    obstacles: str = parameter(
+        "occupied",
+        "distances are to all occupied cells, or to those beside a free one",
+        choices=("occupied", "boundary"),
+    )
+    field_anchor: str = parameter(
+        "corner", "cells begin at the origin, or half a cell before it", choices=("corner", "half_cell")
+    )
+    origin_yaw: str = parameter("use", "the yaw of the map's origin", choices=("use", "ignore"))
+    field_precision: str = parameter(
+        "double",
+        "double throughout; distances, or likelihoods, rounded to single precision",
+        choices=("double", "single_distance", "single_likelihood"),
+    )
+    do_beamskip: bool = parameter(False, "leave out beams that most particles find no obstacle for", in_nav2=True)
+    beam_skip_distance: float = parameter(
+        0.5, "a beam agrees with a particle if it ends within this of an obstacle", unit="m", above=0.0, in_nav2=True
+    )
+    beam_skip_threshold: float = parameter(
+        0.3, "share of the particles that must agree for a beam to count", low=0.0, high=1.0, in_nav2=True
+    )
+    beam_skip_error_threshold: float = parameter(
+        0.9, "share of skipped beams from which on all count again", low=0.0, high=1.0, in_nav2=True
     )
 
     def __post_init__(self) -> None:
@@ -63,77 +101,114 @@ class LikelihoodField:
     job_size: float = 0.0
     threads: int = 1
 
-    def measure(self, sensor: str, beams: Beams, alpha: float = 1.0) -> Measurement:
+    def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
         """Measurement that scores poses against these beams."""
-        table = self.log_p(beams.r_max)
-        score = functools.partial(self._score, beams.endpoints, table)
-        return Measurement(sensor, score, beams.ranges.size, beams.ranges.size * float(table[0]), alpha)
+        peak = float(self.table(beams.r_max)[0]) * beams.ranges.size
+        if self._cubes:
+            peak = math.log1p(peak)
+        score = functools.partial(self._score, beams)
+        return Measurement(sensor, score, beams.ranges.size, peak, alpha, functools.partial(self.each, beams))
 
-    def log_p(self, r_max: float) -> NDArray[np.float64]:
-        """Log-likelihood (L,) of a reading that ends at each level of the field."""
+    def likelihood(self, distance: NDArray[np.float64], r_max: float) -> NDArray[np.float64]:
+        """p of readings that end at these distances [m] from an obstacle, any shape.
+
+        +inf stands for off the map, NaN for an unknown cell that is not to be judged by its distance.
+        """
         p = self.parameters
-        hit = p.z_hit * np.exp(-0.5 * (self.field.levels / p.sigma_hit) ** 2)
-        return floored_log(hit + p.z_rand / r_max, FLOOR)
+        square = np.minimum(distance, self.field.max_dist) ** 2
+        square = np.where(np.isnan(square), self._square_of_uniform(r_max), square)
+        likelihood = self._hit(square) + p.z_rand / r_max
+        if p.off_map == "uniform":
+            likelihood = np.where(np.isinf(distance), 1.0 / r_max, likelihood)
+        return _single(likelihood) if p.field_precision == "single_likelihood" else likelihood
 
-    def _score(
-        self, endpoints: NDArray[np.float64], table: NDArray[np.float64], poses: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Σ log p (N,) over the endpoints (B, 2), given in the base frame, for poses (N, 3) of the base in map."""
-        ends = endpoints / self.field.resolution
-        end_x, end_y = np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1])
-        steps = max(self.job_size, poses.shape[0] * end_x.size)
-        add = compiled.load("likelihood_field").sum_log_p if compiled.worth_compiling(steps) else add_log_p
-        out = np.zeros(poses.shape[0])
+    def _hit(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
+        """z_hit · exp(−d² / 2σ²) of squared distances, divided by σ√2π where it is to be a density."""
+        p = self.parameters
+        if p.field_precision == "single_distance":
+            square = _single(np.sqrt(square)) ** 2
+        if p.field_precision == "single_likelihood":
+            square = _single(square)
+        return self._amplitude * np.exp(-square / (2.0 * p.sigma_hit * p.sigma_hit))
 
-        def score_block(start: int) -> None:
-            x, y, yaw = to_cells(self.field, poses[start : start + _BLOCK])
-            part = out[start : start + _BLOCK]
-            add(self.field.codes, table, x, y, np.cos(yaw), np.sin(yaw), end_x, end_y, part)
+    def _square_of_uniform(self, r_max: float) -> float:
+        """Squared distance at which p = 1/r_max, as Beluga gives to unknown cells; at most that of the clamp."""
+        p = self.parameters
+        share = (1.0 - p.z_rand) / r_max / self._amplitude if self._amplitude > 0.0 else 0.0
+        limit = self.field.max_dist**2
+        return min(limit, -2.0 * p.sigma_hit**2 * math.log(share)) if share > 0.0 else limit
 
-        _for_each(score_block, range(0, poses.shape[0], _BLOCK), self.threads)
+    @property
+    def _amplitude(self) -> float:
+        p = self.parameters
+        return p.z_hit / (p.sigma_hit * math.sqrt(2.0 * math.pi)) if p.hit_normalised == "yes" else p.z_hit
+
+    def term(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What a beam adds to the sum: log p, or p³."""
+        return likelihood**3 if self._cubes else floored_log(likelihood, FLOOR)
+
+    def table(self, r_max: float) -> NDArray[np.float64]:
+        """Term (L + 1,) of a reading that ends at each level of the field, and of one that ends off the map."""
+        return self.term(self.likelihood(np.append(self.field.levels, np.inf), r_max))
+
+    def distances(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Distance (N, B) [m] at each endpoint; +inf off the map."""
+        bilinear = self.parameters.field_lookup == "bilinear"
+        return endpoints.distances(self.field, beams.endpoints, poses, bilinear=bilinear, anchoring=self._anchoring)
+
+    def each(self, beams: Beams, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log-likelihood (B,) of each beam alone at one pose (3,)."""
+        likelihood = self.likelihood(self.distances(beams, pose[np.newaxis]), beams.r_max)
+        return floored_log(likelihood[0], FLOOR)
+
+    @property
+    def _cubes(self) -> bool:
+        return self.parameters.combination == "one_plus_cubes"
+
+    @property
+    def _anchoring(self) -> Anchoring:
+        return Anchoring(self.parameters.field_anchor == "half_cell", self.parameters.origin_yaw == "use")
+
+    def _score(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log-likelihood (N,) of poses (N, 3) of the base in map."""
+        beams, possible = self._without_skipped(beams, poses)
+        if not possible:
+            return np.full(poses.shape[0], -np.inf)
+        if self.parameters.field_lookup == "bilinear":
+            total = self._sum_bilinear(beams, poses)
+        else:
+            total = endpoints.sum_table(
+                self.field,
+                self.table(beams.r_max),
+                beams.endpoints,
+                poses,
+                anchoring=self._anchoring,
+                job_size=self.job_size,
+                threads=self.threads,
+            )
+        return np.log1p(total) if self._cubes else total
+
+    def _sum_bilinear(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        out = np.empty(poses.shape[0])
+
+        def sum_block(start: int) -> None:
+            block = slice(start, start + endpoints.BLOCK)
+            likelihood = self.likelihood(self.distances(beams, poses[block]), beams.r_max)
+            out[block] = self.term(likelihood).sum(axis=1)
+
+        endpoints.for_each(sum_block, range(0, poses.shape[0], endpoints.BLOCK), self.threads)
         return out
 
-
-def _for_each(task: Callable[[int], None], starts: range, threads: int) -> None:
-    """Run independent blocks; the result is the same for any number of threads."""
-    if threads == 1 or len(starts) == 1:
-        for start in starts:
-            task(start)
-        return
-    from concurrent.futures import ThreadPoolExecutor
-
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(task, starts))
+    def _without_skipped(self, beams: Beams, poses: NDArray[np.float64]) -> tuple[Beams, bool]:
+        """Beams that count, and whether any pose can have a likelihood other than 0 (see ``beam_skipping``)."""
+        p = self.parameters
+        if not p.do_beamskip:
+            return beams, True
+        rule = BeamSkipping(p.beam_skip_distance, p.beam_skip_threshold, p.beam_skip_error_threshold)
+        kept = kept_beams(rule, self.field, beams, poses, self._anchoring)
+        return (beams, False) if kept is None else (beams.subset(kept), True)
 
 
-def to_cells(
-    field: DistanceField, poses: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Poses (N, 3) in map as column, row [cells, continuous] and yaw [rad] in the field's own frame."""
-    origin_x, origin_y, origin_yaw = field.origin
-    dx, dy = poses[:, 0] - origin_x, poses[:, 1] - origin_y
-    if origin_yaw == 0.0:
-        return dx / field.resolution, dy / field.resolution, poses[:, 2].copy()
-    c, s = math.cos(origin_yaw), math.sin(origin_yaw)
-    return (c * dx + s * dy) / field.resolution, (c * dy - s * dx) / field.resolution, poses[:, 2] - origin_yaw
-
-
-def add_log_p(
-    codes: NDArray[np.uint16] | NDArray[np.uint32],
-    log_p: NDArray[np.float64],
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    cos: NDArray[np.float64],
-    sin: NDArray[np.float64],
-    end_x: NDArray[np.float64],
-    end_y: NDArray[np.float64],
-    out: NDArray[np.float64],
-) -> None:
-    """The formula in NumPy; equal to the bit to the kernel ``likelihood_field.sum_log_p``, which see."""
-    height, width = codes.shape
-    for bx, by in zip(end_x, end_y, strict=True):
-        column = np.floor(x + (cos * bx - sin * by))
-        row = np.floor(y + (sin * bx + cos * by))
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        cell = np.where(inside, row * width + column, 0).astype(np.intp)
-        out += np.where(inside, log_p[codes.ravel()[cell]], log_p[-1])
+def _single(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values rounded to single precision."""
+    return values.astype(np.float32).astype(np.float64)

@@ -56,8 +56,18 @@ class DistanceField:
         return self.levels[self.codes]
 
 
-def compute(grid: OccupancyGrid, method: Method, max_dist: float) -> DistanceField:
+def compute(
+    grid: OccupancyGrid,
+    method: Method,
+    max_dist: float,
+    *,
+    boundary_only: bool = False,
+    mark_unknown: bool = False,
+) -> DistanceField:
     """Distance field of a map; a map without an occupied cell is at ``max_dist`` everywhere.
+
+    ``boundary_only`` takes distances to occupied cells with a free one among their 4 neighbours. ``mark_unknown``
+    makes the distance NaN in unknown cells, and in the occupied cells that ``boundary_only`` leaves out.
 
     Raises
     ------
@@ -67,12 +77,29 @@ def compute(grid: OccupancyGrid, method: Method, max_dist: float) -> DistanceFie
     """
     if not (math.isfinite(max_dist) and max_dist > 0.0):
         raise UsageError(f"laser_likelihood_max_dist = {max_dist} m: must be finite and greater than 0")
-    occupied = grid.occupied
+    occupied = grid.occupied & _beside_free(grid) if boundary_only else grid.occupied
     if not occupied.any():
-        return _field(grid, np.zeros(occupied.shape, np.uint16), np.array([max_dist]))
-    if method == "exact":
-        return _exact(grid, occupied, max_dist)
-    return from_metres(grid, _brushfire(occupied, max_dist / grid.resolution) * grid.resolution, max_dist)
+        field = _field(grid, np.zeros(occupied.shape, np.uint16), np.array([max_dist]))
+    elif method == "exact":
+        field = _exact(grid, occupied, max_dist)
+    else:
+        field = from_metres(grid, _brushfire(occupied, max_dist / grid.resolution) * grid.resolution, max_dist)
+    return _marked(grid, field, grid.unknown | (grid.occupied & ~occupied)) if mark_unknown else field
+
+
+def _beside_free(grid: OccupancyGrid) -> NDArray[np.bool_]:
+    """Cells with a free one among their 4 neighbours."""
+    free = np.pad(grid.free, 1)
+    return free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
+
+
+def _marked(grid: OccupancyGrid, field: DistanceField, cells: NDArray[np.bool_]) -> DistanceField:
+    """Field with NaN in some cells: a level of its own, before the last."""
+    last = field.levels.size - 1
+    codes = field.codes.astype(np.uint32)
+    codes[field.codes == last] = last + 1
+    codes[cells] = last
+    return _field(grid, codes, np.concatenate([field.levels[:last], [np.nan], field.levels[last:]]))
 
 
 def from_metres(grid: OccupancyGrid, metres: NDArray[np.floating], max_dist: float) -> DistanceField:

@@ -6,7 +6,19 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tests.cli.support import OFFICE, OFFICE_MAP, START_NS, Message, Result, mcl, messages, write_mcap
+from tests.cli.support import (
+    OFFICE,
+    OFFICE_MAP,
+    START_NS,
+    Everything,
+    Message,
+    Result,
+    contents,
+    mcl,
+    messages,
+    outputs,
+    write_mcap,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,3 +58,12 @@ def short_track(run_short: Runner) -> bytes:
     result = run_short()
     assert result.code == 0
     return result.out
+
+
+@pytest.fixture(scope="session")
+def everything(run_short: Runner, tmp_path_factory: pytest.TempPathFactory) -> Everything:
+    """Every kind of output over the short log."""
+    folder = tmp_path_factory.mktemp("everything")
+    result = run_short(*outputs(folder))
+    assert (result.code, result.out) == (0, b"")
+    return Everything(contents(folder))

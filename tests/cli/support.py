@@ -36,6 +36,7 @@ MAPS = ROOT / "maps"
 OFFICE = SAMPLES / "office.mcap"
 OFFICE_MAP = MAPS / "office.yaml"
 REFERENCE_MAP = MAPS / "reference.yaml"
+FILES = ("trace.csv", "trace.csv.gz", "trace.mcap", "track.csv", "track.tum", "steps.csv")  # all outputs of a run
 START_NS = 1_715_697_000 * 10**9
 STORE = STORES["cdr"]
 ENTRY = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from mclcli.cli import main; main()"
@@ -114,6 +115,27 @@ def single_error(result: Result, code: int) -> str:
     return lines[-1].removeprefix("mcl: error: ")
 
 
+def outputs(folder: Path) -> tuple[object, ...]:
+    """Arguments that ask for every kind of output."""
+    folder.mkdir(exist_ok=True)
+    trace, zipped, mcap, track, tum, steps = (folder / name for name in FILES)
+    return "-o", trace, "-o", zipped, "-o", mcap, "--track", track, "--track", tum, "--steps", steps
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@dataclass(frozen=True, slots=True)
+class Everything:
+    """All outputs of one run."""
+
+    files: dict[str, bytes]
+
+    def table(self, name: str) -> Table:
+        return Table(self.files[name].decode())
+
+
 @dataclass(frozen=True, slots=True)
 class Message:
     """One message of an MCAP: topic, type, definition, log time and bytes."""
@@ -147,11 +169,16 @@ def write_mcap(path: Path, contents: Iterable[Message], chunk_size: int = 1 << 1
     return path
 
 
+def decoded(message: Message) -> Any:
+    """The message as rosbags decodes it."""
+    return STORE.deserialize_cdr(message.data, message.type)
+
+
 def edited(message: Message, edit: Callable[[Any], None]) -> Message:
     """The message after an edit of its decoded form."""
-    decoded = STORE.deserialize_cdr(message.data, message.type)
-    edit(decoded)
-    data = bytes(STORE.serialize_cdr(decoded, message.type))
+    contents = decoded(message)
+    edit(contents)
+    data = bytes(STORE.serialize_cdr(contents, message.type))
     return Message(message.topic, message.type, message.definition, message.log_ns, data)
 
 
@@ -169,3 +196,8 @@ def error_against(track: Table, reference: Path) -> float:
     stamps = np.array([int(text.replace(".", "")) for text in track.texts("stamp")])
     poses = np.column_stack((track["x"], track["y"], track["yaw"]))
     return float(absolute_pose_errors(Trajectory(stamps, poses), truth).translation_rmse)
+
+
+def without(contents: list[Message], *topics: str) -> list[Message]:
+    """The messages on other topics."""
+    return [message for message in contents if message.topic not in topics]

@@ -10,9 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mclcli import rng
 from mclcli.filter.localizer import FilterParameters, FilterState, Localizer, initial_state, uniform_log_weights
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
+from mclcli.rng import Purpose, stream
 from mclcli.sensors import Measurement
 
 if TYPE_CHECKING:
@@ -169,6 +171,18 @@ def test_a_resampled_step_does_not_shift_the_next_steps_motion() -> None:
     assert record.resampled
     moved = [localizer().step(state, AHEAD, [], 1)[1].poses for state in (kept, drawn)]
     assert moved[0].tobytes() == moved[1].tobytes()
+
+
+def test_motion_and_resampling_draw_from_streams_of_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    opened: list[tuple[int, Purpose, int]] = []
+
+    def opening(seed: int, purpose: Purpose, step: int = 0) -> np.random.Generator:
+        opened.append((seed, purpose, step))
+        return stream(seed, purpose, step)
+
+    monkeypatch.setattr(rng, "stream", opening)
+    localizer(seed=9).step(FilterState(4, np.zeros((N, 3)), uniform_log_weights(N)), AHEAD, [sensor(near_one)], 0)
+    assert opened == [(9, Purpose.MOTION, 4), (9, Purpose.RESAMPLE, 4)]
 
 
 def test_each_step_draws_its_own_noise() -> None:

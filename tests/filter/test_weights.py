@@ -98,7 +98,7 @@ def saying(values: list[float], alpha: float) -> Measurement:
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=12), st.floats(1e-3, 1.0))
 def test_the_best_pose_stays_the_best_under_any_temperature(values: list[float], alpha: float) -> None:
     poses = np.zeros((len(values), 3))
-    tempered = scoring.temper([saying(values, alpha)], scoring.score([saying(values, alpha)], poses))
+    tempered = scoring.temper([alpha], scoring.score([saying(values, alpha)], poses))
     assert tempered[np.argmax(values)] == tempered.max()
 
 
@@ -106,7 +106,7 @@ def test_each_sensor_has_its_own_temperature() -> None:
     sensors = [saying([1.0, 2.0], 0.5), saying([10.0, -4.0], 0.25)]
     scores = scoring.score(sensors, np.zeros((2, 3)))
     assert scores.tolist() == [[1.0, 2.0], [10.0, -4.0]]
-    assert scoring.temper(sensors, scores).tolist() == [3.0, 0.0]
+    assert scoring.temper([0.5, 0.25], scores).tolist() == [3.0, 0.0]
 
 
 def test_without_sensors_there_is_nothing_to_weigh() -> None:

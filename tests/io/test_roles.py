@@ -2,38 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
 import pytest
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.logs.base import Channel
 from mclcli.io.roles import Roles, Wishes, assign
-from mclcli.io.survey import LogSurvey, TopicSurvey
-from mclcli.records import Odometry, StampedPose
-from tests.support import level, scan_of, sightings, transform
-
-LASER, ODOM = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"
-POSE, MARKERS = "geometry_msgs/msg/PoseStamped", "ros2_aruco_interfaces/msg/ArucoMarkers"
-SAMPLES: dict[str, object] = {
-    LASER: scan_of([1.0]),
-    ODOM: Odometry(0, "odom", "base_footprint", np.zeros(3)),
-    POSE: StampedPose(0, "map", np.zeros(3)),
-    MARKERS: sightings(0, ["1"], level(0.0)),
-    "nav_msgs/msg/OccupancyGrid": object(),
-}
-
-
-def log_of(*topics: tuple[str, str], moving: tuple[tuple[str, str], ...] = ()) -> LogSurvey:
-    """Survey with these topics and these moving transforms, parent and child."""
-    found = LogSurvey()
-    for name, kind in topics:
-        found.topics[name] = TopicSurvey(Channel(name, kind, "cdr"), count=1, sample=SAMPLES.get(kind))
-    for parent, child in moving:
-        for stamp in (0, 1):
-            matrix = np.eye(4)
-            matrix[0, 3] = stamp
-            found.frames.add(transform(stamp, parent, child, matrix))
-    return found
+from mclcli.io.survey import LogSurvey
+from tests.io.surveys import LASER, MARKERS, ODOM, log_of
 
 
 def test_the_only_topics_of_their_type_get_the_parts() -> None:
@@ -97,7 +71,8 @@ def test_wishes_overrule() -> None:
 @pytest.mark.parametrize(
     ("wishes", "said"),
     [
-        (Wishes(scan=("/scna",)), "no topic '/scna' in the log; did you mean '/scan'"),
+        (Wishes(scan=("/scna",)), "did you mean '/scan'"),
+        (Wishes(scan=("/scna",)), "no topic '/scna' in the log"),
         (Wishes(odometry="/qqqqqqq"), "no topic '/qqqqqqq' in the log; it has"),
         (Wishes(odometry="/scan"), "not of type nav_msgs/msg/Odometry"),
         (Wishes(vision=("/image",)), "mcl cannot use messages of type sensor_msgs/msg/Image"),

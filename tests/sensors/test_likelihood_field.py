@@ -180,7 +180,7 @@ def test_dropping_nan_beams_is_removing_them(ranges: list[float]) -> None:
 @given(z_hit=st.floats(0.0, 1.0), z_rand=st.floats(0.0, 1.0), sigma=st.floats(1e-3, 10.0), r_max=st.floats(0.1, 1000.0))
 def test_nearer_to_an_obstacle_is_never_less_likely(z_hit: float, z_rand: float, sigma: float, r_max: float) -> None:
     parameters = LikelihoodFieldParameters(z_hit=z_hit, z_rand=z_rand, sigma_hit=sigma)
-    table = LikelihoodField(model_over(grid_of(ROOM, RESOLUTION)).field, parameters).log_p(r_max)
+    table = LikelihoodField(model_over(grid_of(ROOM, RESOLUTION)).field, parameters).table(r_max)
     assert (np.diff(table) <= 0.0).all()
     assert table[-1] >= math.log(FLOOR)
     assert np.isfinite(table).all()
@@ -188,7 +188,7 @@ def test_nearer_to_an_obstacle_is_never_less_likely(z_hit: float, z_rand: float,
 
 def test_the_floor_is_one_in_a_million_million() -> None:
     parameters = LikelihoodFieldParameters(z_hit=1.0, z_rand=0.0, sigma_hit=0.01)
-    table = LikelihoodField(model_over(grid_of(ROOM, RESOLUTION)).field, parameters).log_p(8.0)
+    table = LikelihoodField(model_over(grid_of(ROOM, RESOLUTION)).field, parameters).table(8.0)
     assert table[-1] == pytest.approx(math.log(1e-12), abs=1e-12)
     assert table[0] == 0.0
 

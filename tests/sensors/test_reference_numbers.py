@@ -27,7 +27,7 @@ def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize("method", METHODS)
 def test_first_set_vision_and_normalisation(method: Method) -> None:
     measurements = [SET1.lidar_measurement(method), SET1.vision_measurement()]
-    total = scoring.temper(measurements, scoring.score(measurements, SET1.poses))
+    total = scoring.temper([1.0] * len(measurements), scoring.score(measurements, SET1.poses))
     np.testing.assert_allclose(total, SET1_TOTAL, rtol=0, atol=1e-9)
     np.testing.assert_allclose(weights.normalise(total), SET1_WEIGHTS, rtol=0, atol=1e-9)
 
@@ -46,7 +46,7 @@ def test_second_set_vision_with_an_id_that_no_map_knows() -> None:
 
 def test_second_set_fused() -> None:
     measurements = [SET2.lidar_measurement("brushfire"), SET2.vision_measurement()]
-    fused = weights.normalise(scoring.temper(measurements, scoring.score(measurements, SET2.poses)))
+    fused = weights.normalise(scoring.temper([1.0] * len(measurements), scoring.score(measurements, SET2.poses)))
     np.testing.assert_allclose(fused, SET2_WEIGHTS, rtol=1e-9, atol=0)
 
 

@@ -1,0 +1,192 @@
+"""``mcl info``, ``mcl extract`` and ``mcl params``: what they say, and that other commands can read it."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from ruamel.yaml import YAML
+
+from mclcli import profiles
+from tests.cli.support import OFFICE, OFFICE_MAP, SAMPLES, Message, mcl, single_error, write_mcap
+from tests.data import shared
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.cli.conftest import Runner
+
+SETTINGS = ("--set", "z_hit=0.7", "--set", "sigma_bearing=5deg", "--set", "max_beams=33", "--set", "base_frame_id=base")
+
+
+def facts(log: Path) -> Any:
+    result = mcl("info", log, "--json")
+    assert result.code == 0
+    return json.loads(result.out)
+
+
+@pytest.mark.parametrize(
+    ("name", "scans", "beams", "base"), [("office", 950, 360, "base_footprint"), ("warehouse", 545, 271, "base_link")]
+)
+def test_samples_as_json(name: str, scans: int, beams: int, base: str) -> None:
+    found = facts(SAMPLES / f"{name}.mcap")
+    topics = {topic["topic"]: topic for topic in found["topics"]}
+    assert topics["/scan"]["messages"] == scans
+    assert {name: topic["role"] for name, topic in topics.items() if topic["role"]} == {
+        "/ground_truth": "truth",
+        "/landmarks": "vision",
+        "/odom": "odometry",
+        "/scan": "scan",
+    }
+    assert found["messages"] == sum(topic["messages"] for topic in found["topics"])
+    assert found["lidars"][0]["beams"] == beams
+    assert found["roles"]["base_frame"] == base
+    assert found["roles"]["odom_frame"] == "odom"
+    assert found["start_utc"] == "2024-05-14T14:30:00.000+00:00"
+    assert found["damage"] == []
+
+
+def test_the_mount_of_the_lidar() -> None:
+    office, warehouse = (facts(SAMPLES / f"{n}.mcap")["lidars"][0]["base_from_sensor"] for n in ("office", "warehouse"))
+    assert office == pytest.approx([0.14, -0.04, 0.29, 0, 0, 0.35], abs=1e-6)
+    assert abs(warehouse[3]) == pytest.approx(3.14159265, abs=1e-6)
+
+
+def test_a_sample_for_people() -> None:
+    result = mcl("info", OFFICE)
+    assert (result.code, result.err) == (0, "")
+    text = result.out.decode()
+    assert text.startswith("office.mcap: 10337 messages on 7 topics, 118.8 s from 2024-05-14T14:30:00")
+    assert "roll 0.0, pitch" in text
+    assert "odom > base_footprint > base_link > laser" in text
+
+
+def test_the_line_it_suggests_runs(short: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    line = mcl("info", short).out.decode().splitlines()[-1]
+    words = shlex.split(line.replace("MAP.yaml", str(OFFICE_MAP)))
+    words[words.index("LANDMARKS.csv")] = str(SAMPLES / "office.landmarks.csv")
+    assert words[0] == "mcl"
+    assert mcl(*words[1:], "--particles", 100).code == 0
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["track.csv", "track.png"]
+
+
+def test_info_of_a_stream(short: Path) -> None:
+    from_file, streamed = (mcl("info", short, "--json"), mcl("info", "-", "--json", stdin=short.read_bytes()))
+    assert streamed.code == 0
+    ours, theirs = json.loads(from_file.out), json.loads(streamed.out)
+    for name in ("topics", "lidars", "frames", "roles", "duration"):
+        assert theirs[name] == ours[name]
+
+
+def test_info_of_a_damaged_log(short: Path, tmp_path: Path) -> None:
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(short.read_bytes()[:80_000])
+    result = mcl("info", cut, "--json")
+    assert result.code == 3
+    assert len(json.loads(result.out)["damage"]) == 1
+    assert "damage: cut.mcap: " in mcl("info", cut).out.decode()
+
+
+def test_info_of_every_kind_of_log_there_is() -> None:
+    root = shared("formats")
+    logs = sorted(path for suffix in ("*.mcap", "*.db3", "*.bag") for path in root.rglob(suffix))
+    assert len(logs) > 20
+    for log in logs:
+        plain, structured = mcl("info", log), mcl("info", log, "--json")
+        expected = 1 if log.name == "empty-file.bag" else 0
+        assert (log.name, plain.code, structured.code) == (log.name, expected, expected)
+        if not expected:
+            assert json.loads(structured.out)["files"] == [log.name]
+
+
+def test_a_log_without_messages(tmp_path: Path) -> None:
+    log = write_mcap(tmp_path / "log.mcap", [])
+    assert facts(log)["messages"] == 0
+    assert mcl("info", log).code == 0
+
+
+# extract
+
+
+def test_a_scan_as_yaml_and_json_is_the_same_scan(short: Path) -> None:
+    as_yaml, as_json = (mcl("extract", short, "--index", 3, "--format", form) for form in ("yaml", "json"))
+    assert (as_yaml.code, as_json.code) == (0, 0)
+    read, other = YAML(typ="safe", pure=True).load(as_yaml.out), json.loads(as_json.out)
+    assert [repr(x) for x in read["ranges"]] == [repr(float(x)) for x in other["ranges"]]
+    assert read["mcl"] == other["mcl"]
+    assert read["mcl"]["base_frame"] == "base_footprint"
+    assert read["mcl"]["base_from_sensor"] == pytest.approx([0.14, -0.04, 0.29, 0, 0, 0.35], abs=1e-6)
+    assert read["header"] == {"stamp": {"sec": 1715697000, "nanosec": 437500000}, "frame_id": "laser"}
+
+
+@pytest.mark.parametrize("form", ["yaml", "json"])
+@pytest.mark.parametrize("topic", ["/odom", "/tf", "/tf_static", "/landmarks", "/ground_truth", "/initialpose"])
+def test_any_other_message(short: Path, topic: str, form: str) -> None:
+    result = mcl("extract", short, "--topic", topic, "--format", form)
+    assert (result.code, result.err) == (0, "")
+    load = json.loads if form == "json" else YAML(typ="safe", pure=True).load
+    message = load(result.out.decode())
+    assert "transforms" in message or message["header"]["stamp"]["sec"] == 1715697000
+
+
+def test_a_mount_given_is_the_mount_written(short: Path) -> None:
+    result = mcl("extract", short, "--mount", "1,2,90deg", "--format", "json")
+    assert json.loads(result.out)["mcl"]["base_from_sensor"] == pytest.approx([1, 2, 0, 0, 0, 1.5707963267948966])
+
+
+def test_a_scan_without_a_transform_comes_without_its_mount(office_messages: list[Message], tmp_path: Path) -> None:
+    log = write_mcap(tmp_path / "log.mcap", [m for m in office_messages if m.topic != "/tf_static"])
+    result = mcl("extract", log, "--format", "json")
+    assert result.code == 0
+    assert "mcl: warning: no transform" in result.err
+    assert "base_from_sensor" not in json.loads(result.out).get("mcl", {})
+
+
+def test_messages_that_are_none(short: Path) -> None:
+    assert "it has /ground_truth" in single_error(mcl("extract", short, "--topic", "/none"), 2)
+    assert "999" in single_error(mcl("extract", short, "--index", 999), 2)
+    single_error(mcl("extract", short, "--index", 1, "--at", 1), 2)
+
+
+# params
+
+
+def test_params_lists_every_parameter_with_its_default() -> None:
+    result = mcl("params")
+    assert (result.code, result.err) == (0, "")
+    assert YAML(typ="safe", pure=True).load(result.out) == profiles.build({}).values()
+    assert all(" # " in line for line in result.out.decode().splitlines())
+
+
+def test_params_come_back_through_params(tmp_path: Path, run_short: Runner, short_track: bytes) -> None:
+    changed = mcl("params", *SETTINGS)
+    (tmp_path / "p.yaml").write_bytes(changed.out)
+    assert mcl("params", "--params", tmp_path / "p.yaml").out == changed.out
+    assert changed.out != mcl("params").out
+    values = YAML(typ="safe", pure=True).load(changed.out)
+    assert (values["z_hit"], values["max_beams"], values["base_frame_id"]) == (0.7, 33, "base")
+    (tmp_path / "defaults.yaml").write_bytes(mcl("params").out)
+    assert run_short("--params", tmp_path / "defaults.yaml").out == short_track
+
+
+def test_a_flag_goes_before_set_and_set_before_params(tmp_path: Path) -> None:
+    (tmp_path / "p.yaml").write_text("z_hit: 0.1\nz_rand: 0.2\n")
+    words = ("--params", tmp_path / "p.yaml", "--set", "z_hit=0.3")
+    values = YAML(typ="safe", pure=True).load(mcl("params", *words).out)
+    assert (values["z_hit"], values["z_rand"]) == (0.3, 0.2)
+
+
+def test_the_number_of_particles_of_the_flag_counts(run_short: Runner) -> None:
+    steps = run_short("--steps", "-", "--set", "particles=50").table  # the fixture gives --particles 300
+    assert set(steps["n"]) == {300.0}
+
+
+def test_parameters_that_are_none(tmp_path: Path) -> None:
+    (tmp_path / "p.yaml").write_text("sigma_hitt: 1\n")
+    assert "did you mean 'sigma_hit'?" in single_error(mcl("params", "--params", tmp_path / "p.yaml"), 2)
+    single_error(mcl("params", "--params", tmp_path / "none.yaml"), 2)
+    (tmp_path / "list.yaml").write_text("- 1\n")
+    assert "not a mapping" in single_error(mcl("params", "--params", tmp_path / "list.yaml"), 2)

@@ -1,0 +1,224 @@
+"""mcl as a process among others: pipes, signals, full disks, and what is left behind."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, cast
+
+import pytest
+
+from mclcli.version import __version__
+from tests.cli.support import (
+    ENTRY,
+    OFFICE,
+    OFFICE_MAP,
+    REFERENCE_MAP,
+    SAMPLES,
+    finish,
+    mcl,
+    messages,
+    process,
+    single_error,
+)
+
+if TYPE_CHECKING:
+    from tests.cli.conftest import Runner
+
+WORDS = ("--map", OFFICE_MAP, "--init", "/initialpose", "--particles", 300)
+INTERRUPTS = [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_a_process_gives_the_bytes_that_a_call_gives(short: Path, short_track: bytes) -> None:
+    result = finish(process("run", short, *WORDS))
+    assert (result.code, result.out) == (0, short_track)
+
+
+def test_extract_piped_into_score(short: Path) -> None:
+    pose = ("--map", OFFICE_MAP, "--pose", "-7.4,1.6,-85deg")
+    first = process("extract", short, "--index", 7)
+    second = process("score", "-", *pose, stdin=first.stdout)
+    scored = finish(second)
+    assert finish(first).code == 0
+    assert scored.code == 0
+    assert scored.out == mcl("score", short, "--index", 7, *pose).out
+
+
+@pytest.mark.parametrize("output", ["-o", "--track", "--steps"])
+def test_a_closed_pipe_ends_it_in_silence(short: Path, output: str) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    started = process("run", short, *WORDS, output, "-", stdout=writer)
+    os.close(writer)
+    result = finish(started)
+    assert (result.code, result.err) == (141, "")
+
+
+@pytest.mark.parametrize("words", [("score", str(SAMPLES / "reference_set3.yaml"), "--grid", "0.1"), ("params",)])
+def test_other_commands_and_a_closed_pipe(words: tuple[str, ...]) -> None:
+    reader, writer = os.pipe()
+    os.close(reader)
+    grid = ("--map", REFERENCE_MAP, "-q") if words[0] == "score" else ()
+    started = process(*words, *grid, stdout=writer)
+    os.close(writer)
+    result = finish(started)
+    assert (result.code, result.err) == (141, "")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("option", ["-o", "--track", "--steps"])
+def test_a_full_device(run_short: Runner, option: str) -> None:
+    message = single_error(run_short(option, "/dev/full"), 1)
+    assert message.startswith("/dev/full: cannot write: No space left on device")
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize(
+    "words", [("info", str(OFFICE)), ("params",), ("dt", str(REFERENCE_MAP)), ("extract", str(OFFICE))]
+)
+def test_a_full_stdout(words: tuple[str, ...]) -> None:
+    with Path("/dev/full").open("wb") as full:
+        result = finish(process(*words, stdout=full))
+    assert result.code == 1
+    assert "No space left on device" in result.err
+    assert "Traceback" not in result.err
+
+
+def limited(kibibytes: int, *words: object) -> subprocess.CompletedProcess[bytes]:
+    """Run mcl where no file may grow beyond a size, as on a full disk."""
+    command = [sys.executable, "-c", ENTRY, *map(str, words)]
+    shell = ["bash", "-c", f'ulimit -f {kibibytes}; exec "$@"', "bash", *command]
+    return subprocess.run(shell, capture_output=True, check=False, timeout=120)
+
+
+@pytest.mark.parametrize(("option", "name"), [("-o", "trace.csv"), ("-o", "trace.mcap"), ("-o", "trace.csv.gz")])
+def test_a_full_disk_leaves_nothing_under_the_name(short: Path, tmp_path: Path, option: str, name: str) -> None:
+    mcl("run", short, *WORDS)  # the field and the kernels are in the cache from here on
+    result = limited(16, "run", short, *WORDS, option, tmp_path / name, "--track", tmp_path / "track.csv")
+    assert result.returncode == 1, result.stderr
+    assert f"{tmp_path / name}: cannot write: " in result.stderr.decode()
+    assert "Traceback" not in result.stderr.decode()
+    assert names(tmp_path) == []
+
+
+def test_a_full_disk_keeps_what_was_there_before(short: Path, tmp_path: Path) -> None:
+    (tmp_path / "trace.csv").write_text("older")
+    assert limited(16, "run", short, *WORDS, "-o", tmp_path / "trace.csv").returncode == 1
+    assert (tmp_path / "trace.csv").read_text() == "older"
+    assert names(tmp_path) == ["trace.csv"]
+
+
+@pytest.mark.skipif(not Path("/sys").is_dir() or os.access("/sys/kernel/nothing", os.F_OK), reason="needs Linux")
+def test_a_folder_that_nobody_may_write_to(run_short: Runner) -> None:
+    assert "cannot write" in single_error(run_short("--track", "/sys/track.csv"), 1)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--track", "-", "--steps", "-"), "only one output can go to stdout"),
+        (("-o", "-", "--track", "-"), "only one output can go to stdout"),
+        (("--track", "a.csv", "-o", "a.csv"), "a.csv: named for two outputs"),
+        (("--track", "a.txt"), "must end in .csv or .tum"),
+        (("-o", "a.tum"), "must end in .csv or .csv.gz or .mcap"),
+        (("--steps", "a.json"), "must end in .csv"),
+        (("--track", "none/a.csv"), "does not exist"),
+        (("--track", ""), "--track"),
+    ],
+)
+def test_outputs_that_are_refused(
+    run_short: Runner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], said: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert said in single_error(run_short(*words), 2)
+    assert names(tmp_path) == []
+
+
+def test_an_output_that_is_an_input(short: Path, tmp_path: Path) -> None:
+    log = Path(shutil.copy(short, tmp_path / "log.mcap"))
+    (tmp_path / "link.mcap").symlink_to(log)
+    (tmp_path / "hard.mcap").hardlink_to(log)
+    digest = hashlib.sha256(log.read_bytes()).hexdigest()
+    for name in ("log.mcap", "link.mcap", "hard.mcap"):
+        result = mcl("run", log, *WORDS, "-o", tmp_path / name)
+        assert "the output is one of the inputs" in single_error(result, 2)
+    assert hashlib.sha256(log.read_bytes()).hexdigest() == digest
+    assert names(tmp_path) == ["hard.mcap", "link.mcap", "log.mcap"]
+
+
+@pytest.mark.parametrize("option", ["--picture", "--truth", "--init"])
+def test_a_reference_or_start_is_an_input_too(short: Path, tmp_path: Path, option: str) -> None:
+    """What --truth and --init name is read, so it is not to be written over; a picture is no input."""
+    truth = Path(shutil.copy(SAMPLES / "office.truth.tum", tmp_path / "truth.tum"))
+    before = truth.read_bytes()
+    if option == "--picture":
+        result = mcl("run", short, *WORDS, "--picture", truth, "--track", tmp_path / "t.csv", "--truth", truth)
+    else:
+        result = mcl("run", short, *WORDS, option, truth, "--track", truth)
+    assert "the output is one of the inputs" in single_error(result, 2)
+    assert truth.read_bytes() == before
+
+
+@pytest.mark.parametrize(("number", "code"), INTERRUPTS)
+def test_an_interrupted_run_keeps_its_mcap(tmp_path: Path, number: signal.Signals, code: int) -> None:
+    """The stream is held open, so that the run waits for more when the signal comes."""
+    words = ("-o", tmp_path / "trace.mcap", "-o", tmp_path / "trace.csv", "--track", "-")
+    started = process("run", "-", *WORDS, *words, stdin=subprocess.PIPE)
+    stdin, stdout = cast("IO[bytes]", started.stdin), cast("IO[bytes]", started.stdout)
+    raw = OFFICE.read_bytes()
+    stdin.write(raw[: len(raw) // 2])
+    stdin.flush()
+    head = stdout.readline() + stdout.readline()  # rows come: the outputs are open, and updates written
+    started.send_signal(number)
+    out, err = stdout.read(), cast("IO[bytes]", started.stderr).read().decode()
+    stdin.close()
+    stdout.close()
+    cast("IO[bytes]", started.stderr).close()
+    assert started.wait(timeout=60) == code
+    assert names(tmp_path) == ["trace.mcap.part"]
+    assert "trace.mcap.part" in err
+    assert "Traceback" not in err
+    kept = messages(tmp_path / "trace.mcap.part")
+    steps = [message for message in kept if message.topic == "/mcl/step"]
+    assert len(steps) > 3
+    assert (head + out).startswith(b"stamp,x,y,yaw,")
+    assert (head + out).endswith(b"\n")
+
+
+def test_an_interrupt_before_anything_is_written_leaves_nothing(tmp_path: Path) -> None:
+    started = process("run", "-", *WORDS, "--track", tmp_path / "track.csv", stdin=subprocess.PIPE)
+    stdin = cast("IO[bytes]", started.stdin)
+    raw = OFFICE.read_bytes()
+    stdin.write(raw[: len(raw) // 2])  # returns only once most of it was read
+    stdin.flush()
+    started.send_signal(signal.SIGTERM)
+    result = finish(started)
+    assert result.code == 143
+    assert names(tmp_path) == []
+    assert "Traceback" not in result.err
+
+
+def test_a_closed_stdout() -> None:
+    shell = ["bash", "-c", 'exec "$@" >&-', "bash", sys.executable, "-c", ENTRY, "score"]
+    words = [SAMPLES / "reference_set3.yaml", "--map", REFERENCE_MAP, "--pose", "0,0,0"]
+    done = subprocess.run([*shell, *map(str, words)], capture_output=True, check=False, timeout=60)
+    assert done.returncode == 1
+    assert "closed" in done.stderr.decode()
+    assert "Traceback" not in done.stderr.decode()
+
+
+def test_an_installed_script_finds_the_program() -> None:
+    script = shutil.which("mcl", path=str(Path(sys.executable).parent))
+    if script is None:
+        pytest.skip("mcl is not installed beside this Python")
+    done = subprocess.run([script, "--version"], capture_output=True, check=True)
+    assert __version__ in done.stdout.decode()

@@ -1,0 +1,67 @@
+"""What README and the generated pages of the documentation say is so."""
+
+from __future__ import annotations
+
+import importlib
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from mclcli.cli import COMMANDS
+
+if TYPE_CHECKING:
+    import click
+
+ROOT = Path(__file__).resolve().parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```$", README, re.MULTILINE | re.DOTALL)
+
+
+def options_of(name: str) -> set[str]:
+    command: click.Command = importlib.import_module(f"mclcli.cli.{name}").command
+    return {option for parameter in command.params for option in parameter.opts}
+
+
+def test_the_python_block_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    (block,) = blocks("python")
+    monkeypatch.chdir(ROOT)
+    exec(compile(block, "README.md", "exec"), {})  # noqa: S102 - the point of this test
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 300
+    assert all(re.fullmatch(r"1715697\d{12} \[[^]]+\] [\d.]+", line) for line in lines)
+
+
+@pytest.mark.parametrize("block", blocks("sh"))
+def test_the_commands_name_files_that_exist(block: str) -> None:
+    words = shlex.split(block.replace("\\\n", " "))
+    named = [word for word in words if re.match(r"(samples|maps|docs|tests|mclcli|benchmarks)/", word)]
+    assert [word for word in named if not (ROOT / word).exists()] == []
+    assert len(blocks("sh")) == 2
+
+
+def test_the_commands_use_options_that_exist() -> None:
+    text = "\n".join(blocks("sh") + blocks("console")).replace("\\\n", " ").replace("|\n", "| ")
+    calls = re.findall(r"\bmcl (\w+)((?:[^|&\n>])*)", text)
+    assert len(calls) >= 4
+    for name, rest in calls:
+        assert name in COMMANDS
+        used = {word for word in shlex.split(rest) if re.match(r"--?[a-z]", word)}
+        assert used <= options_of(name)
+
+
+def test_the_table_of_commands_is_complete() -> None:
+    assert set(re.findall(r"^\| `mcl (\w+)", README, re.MULTILINE)) == set(COMMANDS)
+
+
+def test_the_documentation_is_up_to_date() -> None:
+    words = [sys.executable, "docs/build.py", "--check"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False, timeout=60)
+    assert (done.returncode, done.stderr) == (0, ""), done.stdout
