@@ -28,19 +28,31 @@ def cli_reference() -> str:
 
 
 def parameter_reference() -> str:
-    """Table of every parameter."""
+    """Table of every parameter, and of what each profile changes."""
     lines = [
         "# Parameters\n",
         "Set with `--set NAME=VALUE` or in a file given with `--params`; made from the source by docs/build.py.",
-        "Values take units (`sigma_bearing=3deg`, `sigma_hit=5cm`). *nav2* marks names that nav2_amcl has as well.\n",
-        "| name | default | unit | nav2 | meaning |",
-        "|---|---|---|---|---|",
+        "Values take units (`sigma_bearing=3deg`, `sigma_hit=5cm`). *nav2* marks names that nav2_amcl has as well.",
+        "Names that stand twice belong to different lidar models.\n",
+        "| group | name | default | unit | nav2 | meaning |",
+        "|---|---|---|---|---|---|",
     ]
-    for _, name, default, about in profiles.table():
-        shown = f"{default:.6g}" if isinstance(default, float) else str(default) or "(empty)"
+    for part, name, default, about in profiles.table():
         meaning = about.meaning + (f"; one of {', '.join(about.choices)}" if about.choices else "")
-        lines.append(f"| `{name}` | {shown} | {about.unit} | {'nav2' if about.in_nav2 else ''} | {meaning} |")
+        shown = (
+            f"| {group} | `{name}` | {_shown(default)} | {about.unit} | {'nav2' if about.in_nav2 else ''} | {meaning} |"
+        )
+        lines.append(shown.replace("||", "|"))
+    lines += ["\n# Profiles\n", "What `--profile` changes of these defaults, by `--model`.\n"]
+    for profile, models in profiles.PROFILES.items():
+        for model, changes in models.items():
+            words = ", ".join(f"`{name}={_shown(value)}`" for name, value in changes.items())
+            lines.append(f"- **{profile}, {model}**: {words or 'nothing'}")
     return "\n".join(lines) + "\n"
+
+
+def _shown(value: float | str) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else str(value) or "(empty)"
 
 
 PAGES = {"docs/cli.md": cli_reference, "docs/parameters.md": parameter_reference}

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mclcli import profiles
+from mclcli import motion, profiles
 from mclcli.errors import InputError, UsageError
 from mclcli.filter.localizer import Localizer
 from mclcli.filter.start import Anywhere, AroundPose, Start
-from mclcli.motion.differential import DifferentialMotion
 from mclcli.records import LandmarkSightings, LaserScan, PixelSightings
 from mclcli.replay import Setup
+from mclcli.sensors.beam import BeamModel
 from mclcli.sensors.bearing import BearingModel
 from mclcli.sensors.instruments import Camera, Lidar
 from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.world import distance_field
+from mclcli.world.raycast import make_caster
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from mclcli.io.roles import Roles
     from mclcli.io.survey import LogSurvey
     from mclcli.profiles import Settings
-    from mclcli.sensors.instruments import Instrument
+    from mclcli.sensors.instruments import Instrument, LidarModel
     from mclcli.world.distance_field import DistanceField, Method
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
@@ -103,7 +104,7 @@ def prepare(
     for topic in instruments:
         _check_mount(found, roles, topic, mounts or {})
     return Setup(
-        localizer=Localizer(DifferentialMotion(settings.motion), settings.filter, seed),
+        localizer=Localizer(motion.build(settings.motion), settings.filter, seed),
         instruments=instruments,
         start=_checked_start(start, grid),
         odometry=roles.odometry,
@@ -118,8 +119,8 @@ def prepare(
 
 def lidar_model(
     grid: OccupancyGrid, settings: Settings, make_field: FieldMaker, job_size: float, threads: int = 1
-) -> LikelihoodField:
-    """Likelihood field over a map.
+) -> LidarModel:
+    """Lidar model over a map.
 
     Raises
     ------
@@ -127,6 +128,10 @@ def lidar_model(
         If no cell of the map is occupied: every pose would score the same.
 
     """
+    if settings.model == "beam":
+        _require_obstacles(grid)
+        caster = make_caster(grid, method=settings.beam.raycast, ray_unknown=settings.beam.ray_unknown)
+        return BeamModel(caster, settings.beam, threads)
     parameters = settings.likelihood_field
     method: Method = "brushfire" if parameters.field_method == "brushfire" else "exact"
     field = make_field(
@@ -136,9 +141,13 @@ def lidar_model(
         boundary_only=parameters.obstacles == "boundary",
         mark_unknown=parameters.field_unknown == "uniform",
     )
+    _require_obstacles(grid)
+    return LikelihoodField(field, parameters, job_size, threads)
+
+
+def _require_obstacles(grid: OccupancyGrid) -> None:
     if not grid.occupied.any():
         raise InputError("map: no cell is occupied, so no pose fits a scan better than another; check its thresholds")
-    return LikelihoodField(field, parameters, job_size, threads)
 
 
 def _lidars(

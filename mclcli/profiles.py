@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, final
 
 from mclcli.errors import UsageError, nearest_name
 from mclcli.filter.localizer import FilterParameters
-from mclcli.motion.differential import DifferentialParameters
+from mclcli.motion import MotionParameters
 from mclcli.parameters import Description, described, parameter, validate
 from mclcli.quantity import parse_quantity
+from mclcli.sensors.beam import BeamParameters
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingParameters
 from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
@@ -42,27 +43,30 @@ class Settings:
     profile: str
     model: str
     filter: FilterParameters
-    motion: DifferentialParameters
+    motion: MotionParameters
     beams: BeamSelection
     likelihood_field: LikelihoodFieldParameters
+    beam: BeamParameters
     bearing: BearingParameters
     frames: FrameParameters
 
     def values(self) -> dict[str, Value]:
         """Effective value of every parameter, in the table's order."""
-        groups = [getattr(self, name) for name in GROUPS]
+        groups = [getattr(self, name) for name in active_groups(self.model)]
         return {field.name: getattr(group, field.name) for group in groups for field in fields(group)}
 
 
 GROUPS: dict[str, type[Any]] = {
     "filter": FilterParameters,
-    "motion": DifferentialParameters,
+    "motion": MotionParameters,
     "beams": BeamSelection,
     "likelihood_field": LikelihoodFieldParameters,
+    "beam": BeamParameters,
     "bearing": BearingParameters,
     "frames": FrameParameters,
 }
-MODELS = ("likelihood_field", "likelihood_field_prob")
+# Lidar models, and the group that each has its parameters in.
+MODELS = {"likelihood_field": "likelihood_field", "likelihood_field_prob": "likelihood_field", "beam": "beam"}
 
 # What a profile changes of the textbook's defaults, for all models and for one. Beluga's and nav2's differences are
 # described, with their sources, in docs/models.md.
@@ -75,6 +79,8 @@ _NAV2: dict[str, Value] = {
     "origin_yaw": "ignore",
     "field_precision": "single_distance",
     "gate": "per_axis",
+    "turn_noise": "folded",
+    "noise_scaling": "step",
     "estimate": "after",
     "resampler": "multinomial",
     "resample_ess": 1.0,
@@ -83,6 +89,8 @@ _BELUGA: dict[str, Value] = {
     "max_range": "keep_equal",
     "laser_max_range": 100.0,
     "range_of_rand": "parameter",
+    "turn_noise": "folded",
+    "noise_scaling": "step",
     "beam_subsampling": "even",
     "hit_normalised": "yes",
     "off_map": "uniform",
@@ -92,23 +100,33 @@ _BELUGA: dict[str, Value] = {
     "resampler": "multinomial",
     "resample_ess": 1.0,
 }
+# nav2_amcl and Beluga share these defaults; they sum to 1.1.
+_BEAM: dict[str, Value] = {"z_hit": 0.5, "z_short": 0.05, "z_max": 0.05, "z_rand": 0.5}
 _CUBES: dict[str, Value] = {"combination": "one_plus_cubes"}
 PROFILES: dict[str, dict[str, dict[str, Value]]] = {
-    "textbook": {"likelihood_field": {}, "likelihood_field_prob": {}},
+    "textbook": {"likelihood_field": {}, "likelihood_field_prob": {}, "beam": {"max_range": "no_return"}},
     "nav2": {
         "likelihood_field": {**_NAV2, **_CUBES},
         "likelihood_field_prob": {**_NAV2, "beam_subsampling": "stride_ceil"},
+        "beam": {**_NAV2, **_BEAM, "beam_form": "nav2", "raycast": "bresenham_nav2", "max_range": "as_read"},
     },
     "beluga": {
         "likelihood_field": {**_BELUGA, **_CUBES},
         "likelihood_field_prob": {**_BELUGA, "obstacles": "occupied"},
+        "beam": {**_BELUGA, **_BEAM, "beam_form": "beluga", "raycast": "bresenham_beluga", "beam_origin": "base"},
     },
 }
 
 
-def table() -> Iterator[tuple[str, str, Value, Description]]:
-    """Group, name, default and description of every parameter."""
-    for group, parameters in GROUPS.items():
+def active_groups(model: str) -> list[str]:
+    """Groups of parameters that take part with a lidar model."""
+    return [group for group in GROUPS if group not in MODELS.values() or group == MODELS[model]]
+
+
+def table(model: str | None = None) -> Iterator[tuple[str, str, Value, Description]]:
+    """Group, name, default and description of every parameter, or of those that take part with a lidar model."""
+    for group in GROUPS if model is None else active_groups(model):
+        parameters = GROUPS[group]
         for name, default, description in described(parameters):
             yield group, name, default, description
 
@@ -116,15 +134,20 @@ def table() -> Iterator[tuple[str, str, Value, Description]]:
 def build(values: Mapping[str, object], *, profile: str = "textbook", model: str = "likelihood_field") -> Settings:
     """Settings with these values over a profile's defaults; text is read with its unit (``3deg``).
 
+    Parameters of other lidar models than ``model`` are passed over.
+
     Raises
     ------
     UsageError
         For an unknown name (naming the nearest), or a value of the wrong kind or out of bounds.
 
     """
-    known = {name: (group, default, description) for group, name, default, description in table()}
+    known = {name: (group, default, description) for group, name, default, description in table(model)}
+    elsewhere = {name for _, name, _, _ in table()}
     chosen: dict[str, dict[str, Value]] = {group: {} for group in GROUPS}
     for name, value in {**PROFILES[profile][model], **values}.items():
+        if name not in known and name in elsewhere:
+            continue  # it belongs to another lidar model
         if name not in known:
             hint = nearest_name(name, list(known))
             raise UsageError(f"unknown parameter '{name}'{hint or '; `mcl params` lists them all'}")

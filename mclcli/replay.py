@@ -33,7 +33,6 @@ if TYPE_CHECKING:
     Seen = tuple[str, Reading, NDArray[np.float64], NDArray[np.float64] | None]  # topic; odometry and mount back then
 
 _GAP_NS = 1_000_000_000
-_NEW_VIEW_D, _NEW_VIEW_A = 0.01, math.radians(1.0)
 _KEEP_NS = 2_000_000_000  # odometry older than this before the last reading is forgotten
 
 
@@ -224,11 +223,9 @@ class _Run:
             return
         self._forget(stamp_ns)
         record = None
-        if self._is_due(belief, odom):
+        if self._is_due(belief, odom, reading):
             belief, record = self._update(belief, stamp_ns, odom, topic, reading)
             self._belief = belief
-        elif isinstance(reading, LandmarkSightings):
-            self._keep_if_new(belief, topic, reading, odom)
         yield _point(belief, stamp_ns, odom, record, reading)
 
     def _begin(self, stamp_ns: int, odom: NDArray[np.float64]) -> _Belief | None:
@@ -237,26 +234,15 @@ class _Run:
         poses = self._setup.start.place(stamp_ns, self._path, localizer.parameters.particles, draws)
         return None if poses is None else _Belief(initial_state(poses), odom, None)
 
-    def _is_due(self, belief: _Belief, odom: NDArray[np.float64]) -> bool:
+    def _is_due(self, belief: _Belief, odom: NDArray[np.float64], reading: Reading) -> bool:
         if belief.estimate is None:
             return True
         p = self._setup.localizer.parameters
+        if isinstance(reading, LandmarkSightings):
+            return policies.has_moved(se2.between(belief.odom_from_base, odom), p.vision_min_d, p.vision_min_a)
         if p.gate == "per_axis":
             return policies.has_moved_on_an_axis(odom - belief.odom_from_base, p.update_min_d, p.update_min_a)
         return policies.has_moved(se2.between(belief.odom_from_base, odom), p.update_min_d, p.update_min_a)
-
-    def _keep_if_new(self, belief: _Belief, topic: str, reading: Reading, odom: NDArray[np.float64]) -> None:
-        """Keep sightings that trigger no update for the next one, if the robot has moved since the last ones kept.
-
-        They are few and independent where they were made from different places; from the same place they repeat
-        themselves, for as long as the robot stands there.
-        """
-        last = self._since_update[-1][2] if self._since_update else belief.odom_from_base
-        if policies.has_moved(se2.between(last, odom), _NEW_VIEW_D, _NEW_VIEW_A):
-            self._since_update.append((topic, reading, odom, self._mount(reading)))
-        else:
-            self._tally.used[topic] -= 1
-            self._tally.skipped[topic, "seen from the same place as the one before"] += 1
 
     def _update(
         self, belief: _Belief, stamp_ns: int, odom: NDArray[np.float64], topic: str, reading: Reading

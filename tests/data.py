@@ -17,6 +17,8 @@ def _root() -> Path:
 def shared(relative: str, folder: str = "data") -> Path:
     """Path of one shared file; skips the test, saying why, where there is none."""
     path = _root() / folder / relative
+    if not path.exists() and os.environ.get("CI") == "true" and (_root() / folder).is_dir():
+        pytest.fail(f"{folder}/ is there, but {relative} is not")
     if not path.exists():
         pytest.skip(f"needs {folder}/{relative}: set MCL_TEST_DATA to the folder that holds data/ and golden/")
     return path

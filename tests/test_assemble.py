@@ -15,6 +15,7 @@ from mclcli.filter.start import Anywhere, AroundPose
 from mclcli.io.roles import Wishes, assign
 from mclcli.records import LaserScan
 from mclcli.sensors.instruments import Camera, Lidar
+from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.world.distance_field import DistanceField, Method, compute
 from mclcli.world.landmarks import Landmarks
 from tests.io.surveys import LASER, MARKERS, ODOM, log_of
@@ -75,10 +76,13 @@ def test_several_lidars_are_numbered_and_share_one_field() -> None:
 
 def test_settings_and_temperature_reach_the_parts() -> None:
     settings = profiles.build({"max_beams": 12, "particles": 34, "alpha1": 0.5, "sigma_hit": 0.7})
-    setup = prepared(log(*TOPICS), grid=GRID, landmarks=POSTS, settings=settings, temperature={"lidar": 0.125, "": "ess"})
+    setup = prepared(
+        log(*TOPICS), grid=GRID, landmarks=POSTS, settings=settings, temperature={"lidar": 0.125, "": "ess"}
+    )
     lidar = setup.instruments["/scan"]
     assert isinstance(lidar, Lidar)
     assert lidar.selection.max_beams == 12
+    assert isinstance(lidar.model, LikelihoodField)
     assert lidar.model.parameters.sigma_hit == 0.7
     assert setup.localizer.parameters.particles == 34
     assert [instrument.alpha for instrument in setup.instruments.values()] == [0.125, "ess"]

@@ -9,13 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli import profiles
+from mclcli.cli import options
 from mclcli.errors import UsageError
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
 
 
 def test_nothing_given_means_the_defaults_of_the_table() -> None:
-    assert profiles.build({}).values() == {name: default for _, name, default, _ in profiles.table()}
+    expected = {name: default for _, name, default, _ in profiles.table("likelihood_field")}
+    assert profiles.build({}).values() == expected
 
 
 def test_defaults_that_people_rely_on() -> None:
@@ -39,8 +41,9 @@ def test_defaults_that_people_rely_on() -> None:
     assert profiles.build({}).values().items() >= expected.items()
 
 
-def test_every_name_is_there_once_and_explained() -> None:
-    rows = list(profiles.table())
+@pytest.mark.parametrize("model", list(profiles.MODELS))
+def test_every_name_is_there_once_and_explained(model: str) -> None:
+    rows = list(profiles.table(model))
     assert len({name for _, name, _, _ in rows}) == len(rows)
     assert all(description.meaning for _, _, _, description in rows)
     assert {description.unit for *_, description in rows} >= {"m", "rad", ""}
@@ -129,6 +132,28 @@ def test_bounds_themselves_are_allowed(value: tuple[str, float]) -> None:
     assert profiles.build(dict([value])).values()[value[0]] == value[1]
 
 
+@pytest.mark.parametrize("profile", list(profiles.PROFILES))
+@pytest.mark.parametrize("model", list(profiles.MODELS))
+def test_every_profile_has_every_model_and_names_only_what_exists(profile: str, model: str) -> None:
+    settings = profiles.build({}, profile=profile, model=model)
+    changes = profiles.PROFILES[profile][model]
+    assert {name for _, name, _, _ in profiles.table()} >= set(changes)
+    values = settings.values()
+    assert {name: values[name] for name in changes if name in values} == {
+        n: v for n, v in changes.items() if n in values
+    }
+
+
+def test_parameters_of_another_lidar_model_are_passed_over() -> None:
+    assert "lambda_short" not in profiles.build({"lambda_short": 0.3}).values()
+    assert profiles.build({"lambda_short": 0.3}, model="beam").beam.lambda_short == 0.3
+
+
+def test_the_command_line_offers_the_profiles_and_models_that_there_are() -> None:
+    assert tuple(profiles.PROFILES) == options.PROFILE_NAMES
+    assert tuple(profiles.MODELS) == options.MODEL_NAMES
+
+
 def test_a_models_own_parameters_are_checked_without_the_table() -> None:
     with pytest.raises(UsageError, match="sigma_hit"):
         LikelihoodFieldParameters(sigma_hit=-0.2)
@@ -139,7 +164,10 @@ def test_every_registered_resampler_can_be_chosen() -> None:
     assert chosen == list(RESAMPLERS)
 
 
-@given(st.sampled_from([row[1] for row in profiles.table()]), st.floats() | st.text(max_size=6) | st.integers())
+@given(
+    st.sampled_from([row[1] for row in profiles.table("likelihood_field")]),
+    st.floats() | st.text(max_size=6) | st.integers(),
+)
 def test_any_value_is_taken_whole_or_refused_in_one_line(name: str, value: object) -> None:
     try:
         taken = profiles.build({name: value}).values()[name]

@@ -61,12 +61,12 @@ def test_without_a_lidar_sightings_make_the_updates() -> None:
     assert points[0].scan is None
 
 
-def test_without_a_lidar_sightings_below_the_gate_wait_for_the_next_update_unless_they_repeat_themselves() -> None:
-    events = [odom(0, 0), seen(0), seen(0.001), odom(1, 0.3), seen(1), odom(2, 0.3), seen(2), odom(3, 0.6), seen(3)]
+def test_without_a_lidar_a_small_move_makes_the_next_sighting_an_update() -> None:
+    """Sightings from the same place repeat themselves; from another one they are news."""
+    events = [odom(0, 0), seen(0), seen(0.001), odom(1, 0.03), seen(1), odom(2, 0.03), seen(2), odom(3, 0.06), seen(3)]
     points, tally = run(events, instruments={"/camera": CAMERA})
-    assert [point.step.beams_used if point.step else None for point in points] == [1, None, None, None, 2]
-    assert tally.used == {"/camera": 3}
-    assert tally.skipped == {("/camera", "seen from the same place as the one before"): 2}
+    assert [point.step.beams_used if point.step else None for point in points] == [1, None, 1, None, 1]
+    assert tally.used == {"/camera": 5}
 
 
 def test_an_image_that_comes_after_a_later_scan_was_used_still_counts() -> None:

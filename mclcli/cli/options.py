@@ -19,7 +19,7 @@ Command = TypeVar("Command", bound="Callable[..., Any]")
 
 # As in mclcli.profiles, which costs too much to import for --help; a test compares them.
 PROFILE_NAMES = ("textbook", "nav2", "beluga")
-MODEL_NAMES = ("likelihood_field", "likelihood_field_prob")
+MODEL_NAMES = ("likelihood_field", "likelihood_field_prob", "beam")
 POSE_UNITS = ("m", "m", "rad")
 MOUNT_UNITS = ("m", "m", "m", "rad", "rad", "rad")
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from mclcli.cli.scans import MountedScan
     from mclcli.profiles import Settings
     from mclcli.sensors import Measurement
+    from mclcli.sensors.instruments import Camera, Lidar, Reading
     from mclcli.world.occupancy import OccupancyGrid
 
 
@@ -64,6 +65,8 @@ if TYPE_CHECKING:
     help="CSV or .mcap, - is stdout; CSV on stdout if neither this nor --heatmap is given.",
 )
 @click.option("--heatmap", metavar="F.png", help="Draw the likelihood over x, y (best over yaw).")
+@click.option("--explain", is_flag=True, help="For one pose: a row per beam and landmark instead of one per pose.")
+@click.option("--picture", metavar="F.png", help="With --explain: draw the scan on the map, coloured by log p.")
 @options.parameters
 @options.model
 @options.map_limits
@@ -75,7 +78,7 @@ def command(**arguments: Any) -> None:
     \b
         mcl extract LOG --at 12.3 | mcl score - --map m.yaml --around 1,2,90deg -n 1000 | sort -t, -k5 -g | tail
     """  # noqa: D301 - click's mark for a verbatim paragraph
-    from mclcli.cli import score_output, score_poses
+    from mclcli.cli import explain, score_output, score_poses
     from mclcli.cli.scans import find_scan
     from mclcli.filter import scoring, weights
     from mclcli.io.map_yaml import load_map
@@ -84,7 +87,11 @@ def command(**arguments: Any) -> None:
     grid = load_map(arguments["map_file"], max_cells=arguments["max_cells"], allow_outside=arguments["allow_outside"])
     scan = find_scan(arguments)
     candidates = score_poses.collect(arguments, grid)
-    measurements = _measurements(arguments, settings, grid, scan, len(candidates.poses))
+    if arguments["explain"] or arguments["picture"]:
+        explain.run(arguments, settings, grid, scan, candidates.poses)
+        return
+    used = instruments(arguments, settings, grid, scan, len(candidates.poses))
+    measurements = [instrument.measure(reading, mount) for instrument, reading, mount in used]
     log_likelihoods = scoring.score(measurements, candidates.poses)
     alphas = _alphas(measurements, log_likelihoods, candidates.poses, settings.filter.ess_target)
     log_weights = scoring.temper(alphas, log_likelihoods)
@@ -93,38 +100,47 @@ def command(**arguments: Any) -> None:
     result = score_output.Scores(
         candidates, measurements, alphas, log_likelihoods, log_weights, weights.normalise(log_weights)
     )
-    inputs = [
-        Path(arguments[name]) for name in ("scan", "map_file", "poses_file", "landmarks", "bearings") if arguments[name]
-    ]
+    inputs = input_files(arguments)
     if arguments["output"] or not arguments["heatmap"]:
         score_output.write(result, arguments["output"] or "-", inputs, scan, grid)
     if arguments["heatmap"]:
         score_output.draw(result, arguments["heatmap"], inputs, grid, Path(arguments["map_file"]).name)
 
 
-def _measurements(
+def input_files(arguments: dict[str, Any]) -> list[Path]:
+    """Files that are read, none of which may be written."""
+    names = ("scan", "map_file", "poses_file", "landmarks", "bearings", "params")
+    return [Path(arguments[name]) for name in names if arguments[name]]
+
+
+def instruments(
     arguments: dict[str, Any], settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: int
-) -> list[Measurement]:
-    """The scan, and the bearings where there are some, ready to score."""
+) -> list[tuple[Lidar | Camera, Reading, NDArray[np.float64]]]:
+    """The lidar, and a camera where there are bearings, each with its reading and its mount (4, 4)."""
+    import numpy as np
+
     from mclcli.assemble import alpha_of, lidar_model
     from mclcli.io.field_cache import cached_field
-    from mclcli.sensors.instruments import Lidar
+    from mclcli.io.landmarks_file import read_bearings, read_landmarks
+    from mclcli.sensors.bearing import BearingModel
+    from mclcli.sensors.instruments import Camera, Lidar
 
     job_size = poses * scan.scan.ranges.size
-    model = lidar_model(
-        grid, settings, lambda *what, **how: cached_field(*what, **how)[0], job_size, arguments["threads"]
-    )
+    make_field = lambda *what, **how: cached_field(*what, **how)[0]  # noqa: E731
+    model = lidar_model(grid, settings, make_field, job_size, arguments["threads"])
     temperature = arguments["temperature"]
     lidar = Lidar("lidar", model, settings.beams, alpha_of(temperature, "lidar", 1.0))
     problem = lidar.problem(scan.scan)
     if problem:
         raise InputError(f"{arguments['scan']}: {problem}; it cannot be scored")
-    measured = [lidar.measure(scan.scan, scan.base_from_sensor)]
+    used: list[tuple[Lidar | Camera, Reading, NDArray[np.float64]]] = [(lidar, scan.scan, scan.base_from_sensor)]
     if (arguments["landmarks"] is None) != (arguments["bearings"] is None):
         raise UsageError("--landmarks and --bearings go together: where the landmarks are, and what was seen of them")
     if arguments["landmarks"] is not None:
-        measured.append(_bearings(arguments, settings, alpha_of(temperature, "vision", 1.0)))
-    return measured
+        landmarks, alpha = read_landmarks(arguments["landmarks"]), alpha_of(temperature, "vision", 1.0)
+        camera = Camera("vision", BearingModel(settings.bearing), landmarks, alpha)
+        used.append((camera, read_bearings(arguments["bearings"]), arguments["mounts"].get("camera", np.eye(4))))
+    return used
 
 
 def _alphas(
@@ -149,16 +165,3 @@ def _alphas(
             )
             console.remark(f"temperature of {measurement.sensor}: {alpha:.3f} ({measurement.alpha}{effective})")
     return alphas
-
-
-def _bearings(arguments: dict[str, Any], settings: Settings, alpha: float | str) -> Measurement:
-    import numpy as np
-
-    from mclcli.io.landmarks_file import read_bearings, read_landmarks
-    from mclcli.sensors.bearing import BearingModel
-    from mclcli.sensors.instruments import Camera
-
-    sightings = read_bearings(arguments["bearings"])
-    camera = Camera("vision", BearingModel(settings.bearing), read_landmarks(arguments["landmarks"]), alpha)
-    mount: NDArray[np.float64] = arguments["mounts"].get("camera", np.eye(4))
-    return camera.measure(sightings, mount)

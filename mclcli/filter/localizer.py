@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -23,17 +23,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.filter.temperature import Correlation
+    from mclcli.motion import MotionModel
     from mclcli.sensors import Measurement
-
-
-class MotionModel(Protocol):
-    """Moves particles by an odometry increment, with noise."""
-
-    def sample(
-        self, poses: NDArray[np.float64], increment: NDArray[np.float64], normals: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """Poses (N, 3) after the increment (3,) in the base frame, with standard normals (N, 3) for the noise."""
-        ...
 
 
 @final
@@ -61,6 +52,8 @@ class FilterParameters:
     )
     update_min_d: float = parameter(0.25, "motion that calls for an update", unit="m", low=0.0, in_nav2=True)
     update_min_a: float = parameter(0.2, "turn that calls for an update", unit="rad", low=0.0, in_nav2=True)
+    vision_min_d: float = parameter(0.02, "the same in runs without a lidar", unit="m", low=0.0)
+    vision_min_a: float = parameter(0.02, "the same in runs without a lidar", unit="rad", low=0.0)
 
     def __post_init__(self) -> None:
         validate(self)

@@ -41,6 +41,20 @@ def multinomial(weights: NDArray[np.float64], n: int, rng: np.random.Generator) 
     return _ancestors(weights, spacings[:-1] / spacings[-1])
 
 
+def residual(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    """⌊nW⌋ copies of every particle for certain, the rest drawn independently by what remains of nW.
+
+    Source: Liu and Chen 1998, section 3.2.
+    """
+    expected = n * (weights / np.sum(weights))
+    copies = np.floor(expected).astype(np.int64)
+    missing = n - int(copies.sum())
+    if missing:
+        drawn = multinomial(expected - copies, missing, rng)
+        copies += np.bincount(drawn, minlength=weights.size)
+    return np.repeat(np.arange(weights.size), copies)
+
+
 def _ancestors(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> NDArray[np.int64]:
     cumulative = np.cumsum(weights)
     cumulative /= cumulative[-1]  # the last entry is exactly 1, so that no pointer < 1 falls off the end
@@ -50,5 +64,6 @@ def _ancestors(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> N
 RESAMPLERS: dict[str, Resampler] = {
     "systematic": systematic,
     "stratified": stratified,
+    "residual": residual,
     "multinomial": multinomial,
 }

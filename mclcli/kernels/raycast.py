@@ -1,8 +1,8 @@
 """Expected ranges: rays against the cells of a grid.
 
-All lengths are in cells. A ray is start + r·direction; the kernels write the least r at which it meets a blocked cell, or
-``limit``. ``poses`` (N, 4) hold column, row, cosine and sine of the yaw; ``rays`` (B, 4) the start and the direction in
-the base frame, which may be shorter than 1; ``out`` is (N, B), NaN where a pose is not finite.
+All lengths are in cells. A ray is start + r·direction; the kernels write the least r at which it meets a blocked cell,
+or ``limit``. ``poses`` (N, 4) hold column, row, cosine and sine of the yaw; ``rays`` (B, 4) the start and the direction
+in the base frame, at most 1 long; ``out`` is (N, B), NaN where a pose is not finite.
 """
 
 from __future__ import annotations
@@ -12,12 +12,13 @@ import math
 import numba as nb
 
 _FAR = 255  # the largest side a table of squares can hold
-_STRIDE = 0.7  # along the longer axis, hence less than a cell along the ray
+_BEYOND = 1 / 256  # how far beyond an open square the approximate walk looks; stated in world/raycast.py
 
 
-def _signature(cells: nb.types.Type, dimensions: int) -> object:
+def _signature(cells: nb.types.Type, dimensions: int, *options: nb.types.Type) -> object:
     rows = nb.types.Array(nb.float64, 2, "C", readonly=True)
-    return nb.void(nb.types.Array(cells, dimensions, "C", readonly=True), rows, rows, nb.float64, nb.float64[:, ::1])
+    table = nb.types.Array(cells, dimensions, "C", readonly=True)
+    return nb.void(table, rows, rows, nb.float64, *options, nb.float64[:, ::1])
 
 
 @nb.njit([nb.void(nb.types.Array(nb.boolean, 2, "C", readonly=True), nb.uint8[:, :, ::1])], cache=True, nogil=True)
@@ -41,28 +42,29 @@ def fill_squares(blocked, squares):  # type: ignore[no-untyped-def]
                     squares[q, row, column] = min(least + 1, _FAR)
 
 
-@nb.njit(inline="always")
-def _first_on_map(x, y, inverse_x, inverse_y, width, height):  # type: ignore[no-untyped-def]
-    """First r within the rectangle of the map, +inf if the ray misses it, NaN from nowhere (slab method)."""
-    first, last = 0.0, math.inf
-    if inverse_x != 0.0:
-        a, b = (1.0 - x) * inverse_x, (width + 1.0 - x) * inverse_x
-        first, last = max(first, min(a, b)), min(last, max(a, b))
-    elif not 1.0 <= x < width + 1.0:
-        last = -1.0
-    if inverse_y != 0.0:
-        a, b = (1.0 - y) * inverse_y, (height + 1.0 - y) * inverse_y
-        first, last = max(first, min(a, b)), min(last, max(a, b))
-    elif not 1.0 <= y < height + 1.0:
-        last = -1.0
+@nb.njit([nb.float64(nb.float64, nb.float64, nb.float64, nb.float64, nb.int64, nb.int64)], cache=True, nogil=True)
+def _first_on_map(x, y, dx, dy, width, height):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    """First r in the map's rectangle, which begins at (1, 1): +inf if the ray misses it, NaN from nowhere (slabs)."""
     if not (math.isfinite(x) and math.isfinite(y)):
         return math.nan
+    first, last = 0.0, math.inf
+    for position, step, size in ((x, dx, width), (y, dy, height)):
+        if step != 0.0:
+            a, b = (1.0 - position) / step, (size + 1.0 - position) / step
+            first, last = max(first, min(a, b)), min(last, max(a, b))
+        elif not 1.0 <= position < size + 1.0:
+            return math.inf
     return first if first < last else math.inf
+
+
+@nb.njit(inline="always")
+def _clean(component, least):  # type: ignore[no-untyped-def]  # noqa: ANN202
+    return component if abs(component) > least else 0.0
 
 
 @nb.njit([_signature(nb.uint8, 3)], cache=True, nogil=True, error_model="numpy")
 def exact(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
-    """From border to border of open squares: cell by cell near obstacles, by leaps where there are none.
+    """From border to border of open squares: cell by cell beside obstacles, by leaps where there are none.
 
     Every r comes from the index of a border, not from a running sum, so leaps do not change it. Source: Amanatides and
     Woo 1987; leaps as in Cohen and Sheffer 1994.
@@ -72,34 +74,33 @@ def exact(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
         base_x, base_y, c, s = poses[n, 0] + 1.0, poses[n, 1] + 1.0, poses[n, 2], poses[n, 3]
         for b in range(rays.shape[0]):
             x, y = base_x + (c * rays[b, 0] - s * rays[b, 1]), base_y + (s * rays[b, 0] + c * rays[b, 1])
-            dx, dy = c * rays[b, 2] - s * rays[b, 3], s * rays[b, 2] + c * rays[b, 3]
-            inverse_x, inverse_y = 1.0 / dx if dx != 0.0 else 0.0, 1.0 / dy if dy != 0.0 else 0.0
-            r = 0.0
+            dx, dy = _clean(c * rays[b, 2] - s * rays[b, 3], 1e-100), _clean(s * rays[b, 2] + c * rays[b, 3], 1e-100)
+            skipped = 0.0
             if not (1.0 <= x < width + 1.0 and 1.0 <= y < height + 1.0):
-                r = _first_on_map(x, y, inverse_x, inverse_y, width, height)
-                if not r < limit:
-                    out[n, b] = limit if r >= limit else math.nan
+                skipped = _first_on_map(x, y, dx, dy, width, height)
+                if not skipped < limit:
+                    out[n, b] = limit if skipped >= limit else math.nan
                     continue
-            right, up = dx > 0.0, dy > 0.0
+                x, y = min(max(x + skipped * dx, 1.0), width + 1.0), min(max(y + skipped * dy, 1.0), height + 1.0)
+            right, up = dx >= 0.0, dy >= 0.0
+            inverse_x, inverse_y = 1.0 / dx if dx != 0.0 else math.inf, 1.0 / dy if dy != 0.0 else math.inf
             table = squares[(1 if right else 0) + (2 if up else 0)]
-            column = min(max(nb.int64(math.floor(x + r * dx)), 1), width)
-            row = min(max(nb.int64(math.floor(y + r * dy)), 1), height)
-            side = nb.int64(table[row, column])
+            column, row = min(nb.int64(x), width), min(nb.int64(y), height)
+            r, side = 0.0, nb.int64(table[row, column])
             while side > 0:
                 border_x = column + side if right else column + 1 - side
                 border_y = row + side if up else row + 1 - side
-                r_x = (border_x - x) * inverse_x if dx != 0.0 else math.inf
-                r_y = (border_y - y) * inverse_y if dy != 0.0 else math.inf
+                r_x, r_y = (border_x - x) * inverse_x, (border_y - y) * inverse_y
                 r = min(r_x, r_y)
-                if r >= limit:
+                if not skipped + r < limit:
                     break
                 beyond_x, beyond_y = border_x if right else border_x - 1, border_y if up else border_y - 1
                 if r_x < r_y:  # rounding must not carry it out of the square's other side
-                    at = nb.int64(math.floor(y + r * dy))
+                    at = nb.int64(y + r * dy)
                     row = min(max(at, row), border_y - 1) if up else max(min(at, row), border_y)
                     column = beyond_x
                 elif r_y < r_x:
-                    at = nb.int64(math.floor(x + r * dx))
+                    at = nb.int64(x + r * dx)
                     column = min(max(at, column), border_x - 1) if right else max(min(at, column), border_x)
                     row = beyond_y
                 else:  # through a corner: it stops between two blocked cells
@@ -110,36 +111,90 @@ def exact(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
                     column, row = beyond_x, beyond_y
                 side = nb.int64(table[row, column])
             left_map = side == 0 and not (1 <= column <= width and 1 <= row <= height)
-            out[n, b] = limit if left_map else min(r, limit)
+            out[n, b] = limit if left_map else min(skipped + r, limit)
 
 
 @nb.njit([_signature(nb.uint8, 3)], cache=True, nogil=True, error_model="numpy")
 def approximate(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
-    """By the sides of open squares, and by strides shorter than a cell where there are none; cut corners are missed."""
+    """From open square to open square, looking only a little beyond each: shorter cuts through a corner are missed.
+
+    Where that is past a corner between two blocked cells, it stops, so walls that hold together by corners hold.
+    """
     height, width = squares.shape[1] - 2, squares.shape[2] - 2
+    flat, pitch = squares.ravel(), width + 2
     for n in range(poses.shape[0]):
         base_x, base_y, c, s = poses[n, 0] + 1.0, poses[n, 1] + 1.0, poses[n, 2], poses[n, 3]
         for b in range(rays.shape[0]):
             x, y = base_x + (c * rays[b, 0] - s * rays[b, 1]), base_y + (s * rays[b, 0] + c * rays[b, 1])
-            dx, dy = c * rays[b, 2] - s * rays[b, 3], s * rays[b, 2] + c * rays[b, 3]
-            scale = 1.0 / max(abs(dx), abs(dy), 1e-300)
-            r = 0.0
+            dx, dy = _clean(c * rays[b, 2] - s * rays[b, 3], 1e-9), _clean(s * rays[b, 2] + c * rays[b, 3], 1e-9)
+            skipped = 0.0
             if not (1.0 <= x < width + 1.0 and 1.0 <= y < height + 1.0):
-                inverse_x, inverse_y = 1.0 / dx if dx != 0.0 else 0.0, 1.0 / dy if dy != 0.0 else 0.0
-                r = _first_on_map(x, y, inverse_x, inverse_y, width, height)
-                if not r < limit:
-                    out[n, b] = limit if r >= limit else math.nan
+                skipped = _first_on_map(x, y, dx, dy, width, height)
+                if not skipped < limit:
+                    out[n, b] = limit if skipped >= limit else math.nan
                     continue
-            table = squares[(1 if dx > 0.0 else 0) + (2 if dy > 0.0 else 0)]
-            column = min(max(nb.int64(x + r * dx), 1), width)
-            row = min(max(nb.int64(y + r * dy), 1), height)
-            side = nb.int64(table[row, column])
-            while side > 0 and r < limit:
-                r += scale * max(side - 1.0, _STRIDE)
-                was_column, was_row = column, row
-                column, row = nb.int64(x + r * dx), nb.int64(y + r * dy)
-                if side == 1 and column != was_column and row != was_row:
-                    if table[was_row, column] == 0 and table[row, was_column] == 0:
+                x, y = min(max(x + skipped * dx, 1.0), width + 1.0), min(max(y + skipped * dy, 1.0), height + 1.0)
+            right, up = 1 if dx >= 0.0 else -1, 1 if dy >= 0.0 else -1
+            inverse_x, inverse_y = 1.0 / dx if dx != 0.0 else math.inf, 1.0 / dy if dy != 0.0 else math.inf
+            near_x, near_y = x - (right < 0), y - (up < 0)
+            table = ((1 if right > 0 else 0) + (2 if up > 0 else 0)) * pitch * (height + 2)
+            column, row = min(nb.int64(x), width), min(nb.int64(y), height)
+            r, looked, side = 0.0, 0.0, nb.int64(flat[table + row * pitch + column])
+            while side > 0:
+                beyond_x, beyond_y = column + right * side, row + up * side
+                r = max(min((beyond_x - near_x) * inverse_x, (beyond_y - near_y) * inverse_y), looked)
+                if not skipped + r < limit:
+                    break
+                looked = r + _BEYOND
+                column, row = nb.int64(x + looked * dx), nb.int64(y + looked * dy)
+                cell = table + row * pitch + column
+                side = nb.int64(flat[cell])
+                if (side > 0) & (column == beyond_x) & (row == beyond_y):
+                    if flat[cell - up * pitch] == 0 and flat[cell - right] == 0:
                         break
-                side = nb.int64(table[row, column])
-            out[n, b] = min(r, limit)
+            left_map = side == 0 and not (1 <= column <= width and 1 <= row <= height)
+            out[n, b] = limit if left_map else min(skipped + r, limit)
+
+
+@nb.njit([_signature(nb.boolean, 2, nb.boolean)], cache=True, nogil=True, error_model="numpy")
+def bresenham(blocked, poses, rays, limit, nav2, out):  # type: ignore[no-untyped-def]
+    """Along Bresenham's line to the cell at ``limit``, distances between centres of cells.
+
+    ``nav2``: as nav2_amcl does; a tie steps aside, one cell more is visited, the border of the map stops. Else as
+    Beluga does: a tie stays, beyond the border is nothing.
+    """
+    height, width = blocked.shape
+    reach = min(limit, 1e9)
+    for n in range(poses.shape[0]):
+        base_x, base_y, c, s = poses[n, 0], poses[n, 1], poses[n, 2], poses[n, 3]
+        for b in range(rays.shape[0]):
+            x, y = base_x + (c * rays[b, 0] - s * rays[b, 1]), base_y + (s * rays[b, 0] + c * rays[b, 1])
+            dx, dy = c * rays[b, 2] - s * rays[b, 3], s * rays[b, 2] + c * rays[b, 3]
+            square = rays[b, 2] * rays[b, 2] + rays[b, 3] * rays[b, 3]
+            length = 1.0 if abs(square - 1.0) < 1e-9 else math.sqrt(square)
+            off_map = 0.0 if nav2 else limit
+            if not (0.0 <= x < width and 0.0 <= y < height):
+                out[n, b] = off_map if math.isfinite(x) and math.isfinite(y) else math.nan
+                continue
+            column, row = nb.int64(x), nb.int64(y)
+            along_x, along_y = nb.int64(math.floor(x + reach * dx)) - column, nb.int64(math.floor(y + reach * dy)) - row
+            right, up = 1 if along_x > 0 else -1, 1 if along_y > 0 else -1
+            along_x, along_y = abs(along_x), abs(along_y)
+            steep = along_y > along_x
+            steps, rise = max(along_x, along_y), min(along_x, along_y)
+            found, error, i, j = limit, 0, 0, 0
+            for i in range(steps + (2 if nav2 else 1)):
+                if i > 0:
+                    error += rise
+                    if 2 * error > steps or (nav2 and 2 * error == steps):
+                        j += 1
+                        error -= steps
+                u = column + right * (j if steep else i)
+                v = row + up * (i if steep else j)
+                on_map = 0 <= u < width and 0 <= v < height
+                if not on_map and not nav2:
+                    break
+                if not on_map or blocked[v, u]:
+                    found = math.sqrt(nb.float64(i * i + j * j)) / length if length > 0.0 else 0.0
+                    break
+            out[n, b] = found if nav2 else min(found, limit)

@@ -1,1 +1,87 @@
-"""Motion models p(x_t | u_t, x_{t−1}): a file a model."""
+"""Motion models p(x_t | u_t, x_{t−1}): a file a model, chosen by name from ``MODELS``."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Protocol, final
+
+from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
+from mclcli.motion.omnidirectional import OmnidirectionalMotion, OmnidirectionalParameters
+from mclcli.motion.stationary import StationaryMotion, StationaryParameters
+from mclcli.parameters import parameter, validate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mclcli.parameters import ParameterSet
+
+
+class MotionModel(Protocol):
+    """Moves particles by an odometry increment, with noise."""
+
+    def sample(
+        self, poses: NDArray[np.float64], increment: NDArray[np.float64], normals: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Poses (N, 3) after the increment (3,) in the base frame, with standard normals (N, 3) for the noise."""
+        ...
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A motion model in the registry: the dataclass of its parameters, and how to make the model from them."""
+
+    parameters: type[ParameterSet]
+    make: Callable[[Any], MotionModel]
+
+
+MODELS: dict[str, Entry] = {
+    "differential": Entry(DifferentialParameters, DifferentialMotion),
+    "omnidirectional": Entry(OmnidirectionalParameters, OmnidirectionalMotion),
+    "stationary": Entry(StationaryParameters, StationaryMotion),
+}
+
+# What nav2_amcl and Beluga call them in ``robot_model_type``.
+ALIASES = {
+    "nav2_amcl::DifferentialMotionModel": "differential",
+    "nav2_amcl::OmniMotionModel": "omnidirectional",
+    "differential_drive": "differential",
+    "omnidirectional_drive": "omnidirectional",
+}
+
+
+def _of(parameters: type[ParameterSet], name: str) -> Any:  # noqa: ANN401 - as dataclasses.field
+    """The same parameter again: its default and description are stated once, beside the model."""
+    stated = parameters.__dataclass_fields__[name]
+    return dataclasses.field(default=stated.default, metadata=stated.metadata)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class MotionParameters:
+    """Which motion model, and the parameters of all of them; each model takes those it has."""
+
+    robot_model_type: str = parameter("differential", "how the robot moves", choices=tuple(MODELS), in_nav2=True)
+    alpha1: float = _of(OmnidirectionalParameters, "alpha1")
+    alpha2: float = _of(OmnidirectionalParameters, "alpha2")
+    alpha3: float = _of(OmnidirectionalParameters, "alpha3")
+    alpha4: float = _of(OmnidirectionalParameters, "alpha4")
+    alpha5: float = _of(OmnidirectionalParameters, "alpha5")
+    turn_noise: str = _of(DifferentialParameters, "turn_noise")
+    noise_scaling: str = _of(DifferentialParameters, "noise_scaling")
+    stationary_sigma_xy: float = _of(StationaryParameters, "stationary_sigma_xy")
+    stationary_sigma_yaw: float = _of(StationaryParameters, "stationary_sigma_yaw")
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+
+def build(parameters: MotionParameters) -> MotionModel:
+    """Motion model that the parameters name, with those of them that it has."""
+    entry = MODELS[parameters.robot_model_type]
+    own = entry.parameters.__dataclass_fields__
+    return entry.make(entry.parameters(**{name: getattr(parameters, name) for name in own}))

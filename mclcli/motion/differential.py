@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli import se2
+from mclcli.motion import noise
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
@@ -24,12 +25,19 @@ _SMALL_MOVE = 0.01  # [m] below this the direction of a move is odometry noise (
 @final
 @dataclass(frozen=True, slots=True)
 class DifferentialParameters:
-    """Noise of the differential drive: variances grow with the squares of turn and move."""
+    """Noise of the differential drive."""
 
     alpha1: float = parameter(0.2, "turning noise from turning", low=0.0, in_nav2=True)
     alpha2: float = parameter(0.2, "turning noise from moving", unit="rad²/m²", low=0.0, in_nav2=True)
     alpha3: float = parameter(0.2, "moving noise from moving", low=0.0, in_nav2=True)
     alpha4: float = parameter(0.2, "moving noise from turning", unit="m²/rad²", low=0.0, in_nav2=True)
+    turn_noise: str = parameter(
+        "full",
+        "noise of a turn beyond 90° between updates: that of the full turn, or folded as if driving backwards",
+        choices=("full", "folded"),
+        source="folded: nav2_amcl, Beluga",
+    )
+    noise_scaling: str = noise.scaling_parameter()
 
     def __post_init__(self) -> None:
         validate(self)
@@ -58,12 +66,21 @@ class DifferentialMotion:
         p = self.parameters
         if abs(trans) < _SMALL_MOVE:
             rot1, rot2 = 0.0, float(se2.wrap(rot1 + rot2))
+        if p.turn_noise == "folded":
+            rot1, rot2 = folded(rot1), folded(rot2)
+        turn1, turn2 = (noise.square(turn, noise.TURN, p.noise_scaling) for turn in (rot1, rot2))
+        move = noise.square(trans, noise.MOVE, p.noise_scaling)
         variances = [
-            p.alpha1 * rot1**2 + p.alpha2 * trans**2,
-            p.alpha3 * trans**2 + p.alpha4 * (rot1**2 + rot2**2),
-            p.alpha1 * rot2**2 + p.alpha2 * trans**2,
+            p.alpha1 * turn1 + p.alpha2 * move,
+            p.alpha3 * move + p.alpha4 * (turn1 + turn2),
+            p.alpha1 * turn2 + p.alpha2 * move,
         ]
         return np.sqrt(variances)
+
+
+def folded(turn: float) -> float:
+    """Size of a turn [rad], or of what is missing to half a turn if that is less: at most π/2."""
+    return min(abs(turn), np.pi - abs(turn))
 
 
 def decompose(increment: NDArray[np.float64]) -> tuple[float, float, float]:

@@ -34,9 +34,9 @@ class BeamSelection:
     )
     max_range: str = parameter(
         "skip",
-        "readings ≥ the maximum range: left out; clamped to [0, maximum] and scored, like those ≤ the minimum; or left "
-        "out only above it",
-        choices=("skip", "score", "keep_equal"),
+        "readings ≥ the maximum range: left out; clamped to [0, maximum] and scored, like those ≤ the minimum; scored "
+        "as the maximum; left out only above it; or taken as they are",
+        choices=("skip", "score", "no_return", "keep_equal", "as_read"),
     )
     short_range: str = parameter(
         "skip", "readings ≤ the minimum range: left out, or taken for the maximum", choices=("skip", "max")
@@ -50,6 +50,11 @@ class BeamSelection:
         "exact",
         "beam angles through the mount, or as nav2_amcl forms them in single precision",
         choices=("exact", "nav2"),
+    )
+    beam_origin: str = parameter(
+        "sensor",
+        "beams start at the lidar, or at the base, as straight lines to where they end",
+        choices=("sensor", "base"),
     )
     range_of_rand: str = parameter(
         "smaller",
@@ -124,7 +129,16 @@ def select(scan: LaserScan, base_from_sensor: NDArray[np.float64], selection: Be
     directions = _directions(scan, base_from_sensor, chosen, selection)
     origins = np.broadcast_to(base_from_sensor[:2, 3], directions.shape)
     spread = selection.laser_max_range if selection.range_of_rand == "parameter" else r_max
-    return Beams(origins, directions, ranges[chosen], spread, chosen, slots)
+    beams = Beams(origins, directions, ranges[chosen], spread, chosen, slots)
+    return _from_base(beams) if selection.beam_origin == "base" else beams
+
+
+def _from_base(beams: Beams) -> Beams:
+    """Virtual beams from the base to where the real ones end, as Beluga's beam model takes them."""
+    ends = beams.endpoints
+    ranges = np.hypot(ends[:, 0], ends[:, 1])
+    directions = ends / np.maximum(ranges, np.finfo(np.float64).tiny)[:, np.newaxis]
+    return replace(beams, origins=np.zeros_like(ends), directions=directions, ranges=ranges)
 
 
 def _prepared(scan: LaserScan, selection: BeamSelection, r_max: float) -> NDArray[np.float64]:
@@ -134,7 +148,11 @@ def _prepared(scan: LaserScan, selection: BeamSelection, r_max: float) -> NDArra
         ranges = np.asarray(np.where(ranges <= _minimum_range(scan, selection), r_max, ranges), np.float64)
     if selection.max_range == "score":
         return np.clip(ranges, 0.0, r_max)
+    if selection.max_range == "as_read":
+        return ranges
     minimum = _minimum_range(scan, selection)
+    if selection.max_range == "no_return":
+        return np.where(ranges > minimum, np.minimum(ranges, r_max), np.nan)
     if selection.max_range == "keep_equal":
         valid = (ranges >= minimum) & (ranges <= r_max)
     else:

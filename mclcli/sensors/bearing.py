@@ -51,12 +51,15 @@ class Bearings:
 
     ``origin`` (2,) [m]: the camera in the base frame; ``angles`` (M,) [rad] relative to the base's heading;
     ``landmarks`` (M, 2) [m]: where the sighted ids stand in map; ``unknown`` further sightings named no known id.
+    ``ids`` (M,) and ``unknown_ids`` say which is which.
     """
 
     origin: NDArray[np.float64]
     angles: NDArray[np.float64]
     landmarks: NDArray[np.float64]
     unknown: int
+    ids: tuple[str, ...] = ()
+    unknown_ids: tuple[str, ...] = ()
 
 
 def observe(sightings: LandmarkSightings, base_from_sensor: NDArray[np.float64], landmarks: Landmarks) -> Bearings:
@@ -69,7 +72,16 @@ def observe(sightings: LandmarkSightings, base_from_sensor: NDArray[np.float64],
     level = np.hypot(rays[:, 0], rays[:, 1]) > 1e-9 * np.linalg.norm(rays, axis=1)
     known = (index >= 0) & level
     angles = np.arctan2(rays[known, 1], rays[known, 0])
-    return Bearings(base_from_sensor[:2, 3], angles, landmarks.positions[index[known], :2], int((~known).sum()))
+    ids = tuple(name for name, is_known in zip(sightings.ids, known, strict=True) if is_known)
+    others = tuple(name for name, is_known in zip(sightings.ids, known, strict=True) if not is_known)
+    return Bearings(base_from_sensor[:2, 3], angles, landmarks.positions[index[known], :2], len(others), ids, others)
+
+
+def expected_angles(bearings: Bearings, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Bearings (M,) [rad] relative to the base's heading that the map expects at a pose (3,)."""
+    camera = se2.compose(pose, [*bearings.origin, 0.0])
+    offset = bearings.landmarks - camera[:2]
+    return se2.wrap(np.arctan2(offset[:, 1], offset[:, 0]) - pose[2])
 
 
 @final

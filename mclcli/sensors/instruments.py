@@ -15,9 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mclcli.sensors.beams import BeamSelection
+    from mclcli.sensors.beams import Beams, BeamSelection
     from mclcli.sensors.bearing import BearingModel
-    from mclcli.sensors.likelihood_field import LikelihoodField
     from mclcli.world.landmarks import Landmarks
 
 Reading = LaserScan | LandmarkSightings
@@ -45,13 +44,21 @@ class Instrument(Protocol):
         ...
 
 
+class LidarModel(Protocol):
+    """A likelihood of beams, over one map."""
+
+    def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
+        """Measurement that scores poses against these beams."""
+        ...
+
+
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Lidar:
-    """A planar lidar scored by a likelihood field."""
+    """A planar lidar scored by one of the lidar models."""
 
     name: str
-    model: LikelihoodField
+    model: LidarModel
     selection: BeamSelection
     alpha: float | str = 1.0
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 PI = math.pi
 ALPHAS = (0.1, 0.2, 0.05, 0.3)
-MODEL = DifferentialMotion(DifferentialParameters(*ALPHAS))
+MODEL = DifferentialMotion(DifferentialParameters(*ALPHAS, noise_scaling="step"))
 QUIET = DifferentialMotion(DifferentialParameters(0.0, 0.0, 0.0, 0.0))
 metres, yaws = st.floats(-2.0, 2.0), st.floats(-PI, PI)
 increments = st.tuples(metres, metres, yaws).map(np.array)
@@ -145,3 +145,24 @@ def test_the_particles_given_are_left_alone() -> None:
     given_poses = np.zeros((3, 3))
     MODEL.sample(given_poses, np.array([1.0, 0.0, 0.0]), np.ones((3, 3)))
     assert not given_poses.any()
+
+
+def test_scaled_by_distance_the_noise_is_the_same_however_finely_a_move_is_cut() -> None:
+    """Ten updates of 5 cm spread the particles like one of 50 cm; scaled by step they spread less."""
+    spread = {}
+    for scaling in ("distance", "step"):
+        model = DifferentialMotion(DifferentialParameters(0.0, 0.0, 0.2, 0.0, noise_scaling=scaling))
+        for pieces in (1, 10):
+            draws, moved = np.random.default_rng(6), np.zeros((20_000, 3))
+            for _ in range(pieces):
+                moved = model.sample(moved, np.array([0.5 / pieces, 0.0, 0.0]), draws.standard_normal(moved.shape))
+            spread[scaling, pieces] = float(moved[:, 0].std())
+    assert spread["distance", 10] == pytest.approx(spread["distance", 1], rel=0.03)
+    assert spread["step", 10] == pytest.approx(spread["step", 1] / math.sqrt(10.0), rel=0.03)
+
+
+def test_both_scalings_agree_at_the_default_gate() -> None:
+    parameters = {s: DifferentialMotion(DifferentialParameters(*ALPHAS, noise_scaling=s)) for s in ("distance", "step")}
+    for motion in ((0.0, 0.25, 0.2), (0.2, 0.25, 0.0)):
+        by_distance, by_step = (model.noise_std(*motion) for model in parameters.values())
+        np.testing.assert_allclose(by_distance, by_step, rtol=1e-12)

@@ -1,0 +1,139 @@
+"""Clusters of particles: connected components of occupied bins, as nav2_amcl forms its hypotheses.
+
+Bins are those of ``mclcli.filter.kld``; two are connected if they touch at a face, an edge or a corner (26 neighbours),
+and by default also across the half turn, where nav2_amcl cuts a belief that looks backwards in two.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from mclcli import se2
+from mclcli.filter.kld import YAW_BINS, bins, pack
+from mclcli.records import Estimate
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_HALF_OF_26 = [offset for offset in itertools.product((-1, 0, 1), repeat=3) if offset > (0, 0, 0)]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Clusters:
+    """C clusters of N particles, the heaviest first; of equal ones, the one whose first particle comes first.
+
+    ``labels`` (N,) says which cluster each particle is in; ``weights`` (C,) sum to what the particles' do.
+    ``means`` (C, 3) have circular yaw; ``covariances`` (C, 3, 3) are Σ w r rᵀ / Σ w of r = (dx, dy, wrap(dyaw)).
+    ``resultants`` (C,) in [0, 1] are the mean resultant lengths R of yaw: nav2_amcl states −2 ln R as its variance (and
+    −2 ln(R·weight) for a cluster).
+    """
+
+    labels: NDArray[np.int64]
+    weights: NDArray[np.float64]
+    means: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    resultants: NDArray[np.float64]
+
+    @property
+    def heaviest(self) -> Estimate:
+        """Mean and covariance of the heaviest cluster."""
+        return Estimate(self.means[0], self.covariances[0])
+
+
+def find(poses: NDArray[np.float64], weights: NDArray[np.float64], *, wrap_yaw: bool = True) -> Clusters:
+    """Clusters of poses (N, 3) with weights (N,) ≥ 0, N ≥ 1; O(N log N).
+
+    A cluster without weight counts its particles equally. Without ``wrap_yaw`` headings of −π and π are apart.
+    """
+    labels, total = _heaviest_first(_components(bins(poses, wrap_yaw=wrap_yaw), wrap_yaw=wrap_yaw), weights)
+    share = _share(labels, weights, total)
+    means, resultants = _means(poses, labels, share)
+    residual = poses - means[labels]
+    residual[:, 2] = se2.wrap(residual[:, 2])
+    return Clusters(labels, total, means, _covariances(residual, labels, share), resultants)
+
+
+def _components(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64]:
+    """Component (N,) of each particle's bin (N, 3), numbered in the order of their first particles."""
+    keys, strides = pack(index)
+    occupied, first, bin_of = np.unique(keys, return_index=True, return_inverse=True)
+    edges = [_edges(occupied, occupied + strides @ offset) for offset in _HALF_OF_26]
+    if wrap_yaw:
+        edges += _edges_over_the_half_turn(index[first], occupied, strides)
+    root = _roots(occupied.size, np.concatenate(edges, axis=1))[bin_of.reshape(-1)]
+    _, first, component = np.unique(root, return_index=True, return_inverse=True)
+    return np.argsort(np.argsort(first))[component.reshape(-1)]
+
+
+def _edges(occupied: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Pairs (2, E) of occupied bins: each, and the one with its wanted number (M,) if that is occupied."""
+    at = np.minimum(np.searchsorted(occupied, wanted), occupied.size - 1)
+    found = np.flatnonzero(occupied[at] == wanted)
+    return np.stack([found, at[found]])
+
+
+def _edges_over_the_half_turn(
+    index: NDArray[np.int64], occupied: NDArray[np.int64], strides: NDArray[np.int64]
+) -> list[NDArray[np.int64]]:
+    """Pairs (2, E) of a bin with the last yaw, and one with the first."""
+    last = np.flatnonzero(index[:, 2] == YAW_BINS // 2 - 1)
+    edges = []
+    for dx, dy in itertools.product((-1, 0, 1), repeat=2):
+        one, other = _edges(occupied, occupied[last] + strides @ (dx, dy, 1 - YAW_BINS))
+        edges.append(np.stack([last[one], other]))
+    return edges
+
+
+def _roots(n: int, edges: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Least member (n,) of each node's component: roots take the least root they touch, until none changes."""
+    root = np.arange(n)
+    while True:
+        one, other = root[edges[0]], root[edges[1]]
+        if np.array_equal(one, other):
+            return root
+        least = np.minimum(one, other)
+        np.minimum.at(root, one, least)
+        np.minimum.at(root, other, least)
+        while not np.array_equal(root, root[root]):
+            root = root[root]
+
+
+def _heaviest_first(
+    component: NDArray[np.int64], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Labels (N,) and weights (C,) of the components in falling order of weight."""
+    total = np.bincount(component, weights).astype(np.float64)
+    order = np.argsort(-total, kind="stable")
+    return np.argsort(order)[component], total[order]
+
+
+def _share(labels: NDArray[np.int64], weights: NDArray[np.float64], total: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weight (N,) of each particle within its cluster."""
+    equal = 1.0 / np.bincount(labels)
+    return np.divide(weights, total[labels], out=equal[labels], where=total[labels] > 0.0)
+
+
+def _means(
+    poses: NDArray[np.float64], labels: NDArray[np.int64], share: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Means (C, 3) and mean resultant lengths (C,)."""
+    x, y, yaw = poses.T
+    c, s = np.bincount(labels, share * np.cos(yaw)), np.bincount(labels, share * np.sin(yaw))
+    means = np.stack([np.bincount(labels, share * x), np.bincount(labels, share * y), np.arctan2(s, c)], axis=-1)
+    return means, np.minimum(np.hypot(c, s), 1.0)
+
+
+def _covariances(
+    residual: NDArray[np.float64], labels: NDArray[np.int64], share: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    covariances = np.empty((int(labels.max()) + 1, 3, 3))
+    for i in range(3):
+        for j in range(i + 1):
+            moments = np.bincount(labels, share * residual[:, i] * residual[:, j])
+            covariances[:, i, j] = covariances[:, j, i] = moments
+    return covariances

@@ -1,0 +1,146 @@
+"""Beam mixture: how well each reading agrees with the range that the map makes expect.
+
+    p(r | r*) = z_hit·p_hit + z_short·p_short + z_max·p_max + z_rand·p_rand,    log p(z | x) = Σ_i log p(r_i | r*_i)
+    p_hit   = N(r; r*, σ²) / (Φ((r_max − r*)/σ) − Φ(−r*/σ))    on [0, r_max]
+    p_short = λ e^{−λr} / (1 − e^{−λr*})                       on [0, r*]
+    p_max   = a point mass at r_max,    p_rand = 1 / r_max     on [0, r_max]
+
+with r* from ray casting (``mclcli.world.raycast``). The density integrates to 1 − z_max for every r*: where r* is less
+than half a cell, the share of p_short goes to p_hit. p is floored at 1e-12.
+Source: Thrun, Burgard, Fox 2005, *Probabilistic Robotics*, section 6.3.1, with the normalisers written out.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from mclcli.errors import UsageError
+from mclcli.parameters import parameter, validate
+from mclcli.sensors import Measurement, beam_forms, endpoints, floored_log
+from mclcli.world.raycast import CAST_METHODS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mclcli.sensors.beam_forms import Components
+    from mclcli.sensors.beams import Beams
+    from mclcli.world.raycast import RayCaster
+
+_BLOCK = 32768  # pose·beam pairs whose temporaries stay in the second-level cache
+_TAIL = 40.0  # standard deviations beyond which a Gaussian is 0 in double precision
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class BeamParameters:
+    """Parameters of the beam mixture."""
+
+    z_hit: float = parameter(0.75, "weight of the hit component", low=0.0, in_nav2=True)
+    z_short: float = parameter(0.10, "weight of unexpected obstacles before the expected one", low=0.0, in_nav2=True)
+    z_max: float = parameter(0.05, "weight of seeing nothing", low=0.0, in_nav2=True)
+    z_rand: float = parameter(0.10, "weight of the uniform component over [0, r_max]", low=0.0, in_nav2=True)
+    sigma_hit: float = parameter(
+        0.2, "standard deviation of the hit component", unit="m", low=1e-9, high=1e9, in_nav2=True
+    )
+    lambda_short: float = parameter(
+        0.1, "rate per metre at which unexpected obstacles occur", low=0.0, high=1e9, in_nav2=True
+    )
+    no_return: str = parameter(
+        "mixture",
+        "a reading of r_max: all components add up there, or the probability that there is nothing nearer",
+        choices=("mixture", "censored"),
+    )
+    beam_form: str = parameter(
+        "textbook",
+        "densities and Σ log p, or as nav2_amcl: log(1 + Σ p³), or as Beluga: log Σ p³",
+        choices=tuple(beam_forms.FORMS),
+    )
+    raycast: str = parameter(
+        "exact", "how expected ranges are found: entering a cell, or on Bresenham's line", choices=CAST_METHODS
+    )
+    ray_unknown: str = parameter("occupied", "what an unknown cell is to a ray", choices=("occupied", "free"))
+
+    def __post_init__(self) -> None:
+        validate(self)
+        total = self.z_hit + self.z_short + self.z_max + self.z_rand
+        if self.beam_form == "textbook" and not abs(total - 1.0) <= 1e-6:
+            raise UsageError(
+                f"parameters z_hit + z_short + z_max + z_rand = {total:.9g}: must be 1 with beam_form=textbook; "
+                "see `mcl params`"
+            )
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class BeamModel:
+    """The mixture over one map; ``threads`` share one scoring."""
+
+    caster: RayCaster
+    parameters: BeamParameters
+    threads: int = 1
+
+    def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
+        """Measurement that scores poses against these beams, those without a return among them; NaNs are left out.
+
+        ``log_peak`` is the value of a pose that expects every reading as it is, r* = r. It is not a bound: another r*
+        may fit a little better where a reading is within some σ of 0 or r_max, or λ is large.
+        """
+        beams = _without_nan(beams)
+        peak = self._combine(self._likelihood(beams.ranges, self._perfect(beams), beams.r_max))
+        score = functools.partial(self._score, beams)
+        return Measurement(sensor, score, beams.ranges.size, float(peak), alpha, functools.partial(self.each, beams))
+
+    def expected(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Expected ranges r* (N, B) [m], up to r_max; with ``no_return=censored`` as far beyond as it matters."""
+        limit = beams.r_max + (_TAIL * self.parameters.sigma_hit if self._censored else 0.0)
+        return self.caster.ranges(poses, beams.origins, beams.directions, limit)
+
+    def components(self, r: NDArray[np.float64], r_star: NDArray[np.float64], r_max: float) -> Components:
+        """What each component adds to p(r | r*), shapes broadcast."""
+        form = beam_forms.FORMS[self.parameters.beam_form]
+        return form(self.parameters, r, r_star, r_max, 0.5 * self.caster.resolution)
+
+    def log_p(self, r: NDArray[np.float64], r_star: NDArray[np.float64], r_max: float) -> NDArray[np.float64]:
+        """Log-likelihood of readings r where r* is expected, shapes broadcast, floored at log 1e-12."""
+        return floored_log(self._likelihood(r, r_star, r_max), beam_forms.FLOOR)
+
+    def each(self, beams: Beams, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log-likelihood (B,) of each beam alone at one pose (3,)."""
+        return self.log_p(beams.ranges, self.expected(beams, pose[np.newaxis])[0], beams.r_max)
+
+    @property
+    def _censored(self) -> bool:
+        return self.parameters.no_return == "censored" and self.parameters.beam_form == "textbook"
+
+    def _likelihood(self, r: NDArray[np.float64], r_star: NDArray[np.float64], r_max: float) -> NDArray[np.float64]:
+        return self.components(r, r_star, r_max).total()
+
+    def _combine(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
+        return beam_forms.COMBINATIONS[self.parameters.beam_form](likelihood)
+
+    def _perfect(self, beams: Beams) -> NDArray[np.float64]:
+        """Expected ranges (B,) that equal the readings; far beyond r_max where there was no return."""
+        far = beams.r_max + (_TAIL * self.parameters.sigma_hit if self._censored else 0.0)
+        return np.where(beams.ranges >= beams.r_max, far, np.maximum(beams.ranges, 0.0))
+
+    def _score(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log-likelihood (N,) of poses (N, 3) of the base in map; NaN where a pose is not finite."""
+        out = np.empty(poses.shape[0])
+        size = max(1, _BLOCK // max(1, beams.ranges.size))
+
+        def score_block(start: int) -> None:
+            block = slice(start, start + size)
+            expected = self.expected(beams, poses[block])
+            out[block] = self._combine(self._likelihood(beams.ranges, expected, beams.r_max))
+
+        endpoints.for_each(score_block, range(0, poses.shape[0], size), self.threads)
+        return out
+
+
+def _without_nan(beams: Beams) -> Beams:
+    there = ~np.isnan(beams.ranges)
+    return beams if there.all() else beams.subset(there)
