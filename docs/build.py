@@ -39,10 +39,8 @@ def parameter_reference() -> str:
     ]
     for part, name, default, about in profiles.table():
         meaning = about.meaning + (f"; one of {', '.join(about.choices)}" if about.choices else "")
-        shown = (
-            f"| {group} | `{name}` | {_shown(default)} | {about.unit} | {'nav2' if about.in_nav2 else ''} | {meaning} |"
-        )
-        lines.append(shown.replace("||", "|"))
+        cells = (part, f"`{name}`", _shown(default), about.unit, "nav2" if about.in_nav2 else "", meaning)
+        lines.append(f"| {' | '.join(cells)} |")
     lines += ["\n# Profiles\n", "What `--profile` changes of these defaults, by `--model`.\n"]
     for profile, models in profiles.PROFILES.items():
         for model, changes in models.items():

@@ -149,9 +149,9 @@ def approximate(squares, poses, rays, limit, out):  # type: ignore[no-untyped-de
                 column, row = nb.int64(x + looked * dx), nb.int64(y + looked * dy)
                 cell = table + row * pitch + column
                 side = nb.int64(flat[cell])
-                if (side > 0) & (column == beyond_x) & (row == beyond_y):
-                    if flat[cell - up * pitch] == 0 and flat[cell - right] == 0:
-                        break
+                at_corner = (side > 0) & (column == beyond_x) & (row == beyond_y)
+                if at_corner and flat[cell - up * pitch] == 0 and flat[cell - right] == 0:
+                    break
             left_map = side == 0 and not (1 <= column <= width and 1 <= row <= height)
             out[n, b] = limit if left_map else min(skipped + r, limit)
 

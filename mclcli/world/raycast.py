@@ -8,7 +8,7 @@ Four ways to cast a ray, by the name of the parameter ``raycast``:
   With [a, b) the first piece at least ε long, what it returns is at most a, and at least the exact range less ε; where
   the very first piece is that long, both agree within ε. Walls are never passed, not even those whose cells hold
   together by their corners only.
-- ``bresenham_nav2``, ``bresenham_beluga``: to the cell and to the bit as nav2_amcl and Beluga do.
+- ``bresenham_nav2``, ``bresenham_beluga``: cell by cell as nav2_amcl and Beluga do, between centres of cells.
 
 Leaving the map meets nothing; a ray from outside may enter it (the last two say 0 and the limit outside).
 """
