@@ -104,7 +104,7 @@ def prepare(
     for topic in instruments:
         _check_mount(found, roles, topic, mounts or {})
     return Setup(
-        localizer=Localizer(motion.build(settings.motion), settings.filter, seed),
+        localizer=Localizer(motion.build(settings.motion), settings.filter, seed, settings.kld, settings.recovery),
         instruments=instruments,
         start=_checked_start(start, grid),
         odometry=roles.odometry,
@@ -164,7 +164,7 @@ def _lidars(
     scan = found.topics[roles.scan[0]].sample
     beams = settings.beams.max_beams or (scan.ranges.size if isinstance(scan, LaserScan) else 0)
     updates = found.topics[roles.scan[0]].count if found.complete else _UPDATES_OF_A_STREAM
-    job_size = updates * settings.filter.particles * beams
+    job_size = updates * settings.kld.max_particles * beams
     model = lidar_model(grid, settings, make_field, job_size, threads)
     names = _numbered("lidar", len(roles.scan))
     default = LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0

@@ -6,7 +6,9 @@ from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any, final
 
 from mclcli.errors import UsageError, nearest_name
+from mclcli.filter.kld import KldParameters
 from mclcli.filter.localizer import FilterParameters
+from mclcli.filter.recovery import RecoveryParameters
 from mclcli.motion import MotionParameters
 from mclcli.parameters import Description, described, parameter, validate
 from mclcli.quantity import parse_quantity
@@ -43,6 +45,8 @@ class Settings:
     profile: str
     model: str
     filter: FilterParameters
+    kld: KldParameters
+    recovery: RecoveryParameters
     motion: MotionParameters
     beams: BeamSelection
     likelihood_field: LikelihoodFieldParameters
@@ -58,6 +62,8 @@ class Settings:
 
 GROUPS: dict[str, type[Any]] = {
     "filter": FilterParameters,
+    "kld": KldParameters,
+    "recovery": RecoveryParameters,
     "motion": MotionParameters,
     "beams": BeamSelection,
     "likelihood_field": LikelihoodFieldParameters,
@@ -70,6 +76,7 @@ MODELS = {"likelihood_field": "likelihood_field", "likelihood_field_prob": "like
 
 # What a profile changes of the textbook's defaults, for all models and for one. Beluga's and nav2's differences are
 # described, with their sources, in docs/models.md.
+_NO_RECOVERY: dict[str, Value] = {"recovery": "uniform", "recovery_alpha_slow": 0.0, "recovery_alpha_fast": 0.0}
 _NAV2: dict[str, Value] = {
     "short_range": "max",
     "laser_max_range": 100.0,
@@ -84,6 +91,13 @@ _NAV2: dict[str, Value] = {
     "estimate": "after",
     "resampler": "multinomial",
     "resample_ess": 1.0,
+    "degenerate": "uniform",
+    "estimate_mean": "heaviest",
+    "min_particles": 500,
+    "kld_quantile": "z",
+    "kld_unlimited_bins": 1,
+    **_NO_RECOVERY,
+    "recovery_rule": "linear",
 }
 _BELUGA: dict[str, Value] = {
     "max_range": "keep_equal",
@@ -99,6 +113,13 @@ _BELUGA: dict[str, Value] = {
     "estimate": "after",
     "resampler": "multinomial",
     "resample_ess": 1.0,
+    "estimate_mean": "heaviest",
+    "estimate_covariance": "heaviest",
+    "min_particles": 500,
+    "kld_quantile": "z",
+    "kld_unlimited_bins": 2,
+    **_NO_RECOVERY,
+    "recovery_rule": "normalised",
 }
 # nav2_amcl and Beluga share these defaults; they sum to 1.1.
 _BEAM: dict[str, Value] = {"z_hit": 0.5, "z_short": 0.05, "z_max": 0.05, "z_rand": 0.5}
@@ -145,15 +166,28 @@ def build(values: Mapping[str, object], *, profile: str = "textbook", model: str
     known = {name: (group, default, description) for group, name, default, description in table(model)}
     elsewhere = {name for _, name, _, _ in table()}
     chosen: dict[str, dict[str, Value]] = {group: {} for group in GROUPS}
-    for name, value in {**PROFILES[profile][model], **values}.items():
+    for name, value in {**PROFILES[profile][model], **spelled_out(values)}.items():
         if name not in known and name in elsewhere:
             continue  # it belongs to another lidar model
         if name not in known:
-            hint = nearest_name(name, list(known))
+            hint = nearest_name(name, ["particles", *known])
             raise UsageError(f"unknown parameter '{name}'{hint or '; `mcl params` lists them all'}")
         group, default, description = known[name]
         chosen[group][name] = read_value(name, value, default, description)
     return Settings(profile, model, **{group: parameters(**chosen[group]) for group, parameters in GROUPS.items()})
+
+
+def spelled_out(values: Mapping[str, object]) -> dict[str, object]:
+    """The same values, with ``particles`` = N or ``MIN:MAX`` as ``min_particles`` and ``max_particles``.
+
+    Those two count where they are given as well.
+    """
+    rest = {name: value for name, value in values.items() if name != "particles"}
+    if "particles" not in values:
+        return rest
+    size = values["particles"]
+    smallest, colon, largest = size.partition(":") if isinstance(size, str) else (size, "", size)
+    return {"min_particles": smallest, "max_particles": largest if colon else smallest} | rest
 
 
 def read_value(name: str, value: object, default: Value, description: Description) -> Value:

@@ -231,7 +231,7 @@ class _Run:
     def _begin(self, stamp_ns: int, odom: NDArray[np.float64]) -> _Belief | None:
         localizer = self._setup.localizer
         draws = rng.stream(localizer.seed, rng.Purpose.INITIALISE)
-        poses = self._setup.start.place(stamp_ns, self._path, localizer.parameters.particles, draws)
+        poses = self._setup.start.place(stamp_ns, self._path, localizer.size.max_particles, draws)
         return None if poses is None else _Belief(initial_state(poses), odom, None)
 
     def _is_due(self, belief: _Belief, odom: NDArray[np.float64], reading: Reading) -> bool:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mclcli import se3
+from mclcli.filter.kld import KldParameters
 from mclcli.filter.localizer import FilterParameters, Localizer
 from mclcli.filter.start import AroundPose
 from mclcli.io.frames import TransformTree
@@ -53,7 +54,7 @@ MOUNTED = tree(("base_link", "laser", se3.from_planar([0.1, 0, 0])), ("base_link
 
 def setup(**changes: Any) -> Setup:
     fields: dict[str, Any] = {
-        "localizer": Localizer(QUIET, FilterParameters(particles=3, update_min_d=0.5, update_min_a=0.3), 0),
+        "localizer": Localizer(QUIET, FilterParameters(update_min_d=0.5, update_min_a=0.3), 0, KldParameters(3, 3)),
         "instruments": {"/scan": LIDAR},
         "start": AroundPose(START, np.zeros((3, 3))),
         "odometry": "/odom",

@@ -84,7 +84,7 @@ def test_settings_and_temperature_reach_the_parts() -> None:
     assert lidar.selection.max_beams == 12
     assert isinstance(lidar.model, LikelihoodField)
     assert lidar.model.parameters.sigma_hit == 0.7
-    assert setup.localizer.parameters.particles == 34
+    assert setup.localizer.size.max_particles == 34
     assert [instrument.alpha for instrument in setup.instruments.values()] == [0.125, "ess"]
 
 

@@ -22,7 +22,8 @@ def test_nothing_given_means_the_defaults_of_the_table() -> None:
 
 def test_defaults_that_people_rely_on() -> None:
     expected = {
-        "particles": 2000,
+        "min_particles": 2000,
+        "max_particles": 2000,
         "max_beams": 60,
         "resample_ess": 0.5,
         "update_min_d": 0.25,
@@ -56,8 +57,8 @@ def test_every_name_is_there_once_and_explained(model: str) -> None:
         ("sigma_bearing", "0.1", 0.1),
         ("sigma_hit", "15cm", 0.15),
         ("sigma_hit", 0.3, 0.3),
-        ("particles", "500", 500),
-        ("particles", 500.0, 500),
+        ("resample_interval", "5", 5),
+        ("resample_interval", 5.0, 5),
         ("max_beams", "1e2", 100),
         ("resampler", "multinomial", "multinomial"),
         ("base_frame_id", "base_footprint", "base_footprint"),
@@ -67,6 +68,38 @@ def test_values_are_read_with_their_units(name: str, text: object, value: float 
     got = profiles.build({name: text}).values()[name]
     assert got == (pytest.approx(value, rel=1e-15) if isinstance(value, float) else value)
     assert type(got) is type(value)
+
+
+@pytest.mark.parametrize(
+    ("given", "size"),
+    [
+        ({"particles": 500}, (500, 500)),
+        ({"particles": "500"}, (500, 500)),
+        ({"particles": "300:1e4"}, (300, 10_000)),
+        ({"particles": 4000, "min_particles": 100}, (100, 4000)),
+        ({"min_particles": 100}, (100, 2000)),
+    ],
+)
+def test_particles_stands_for_the_smallest_and_the_largest_number(given: dict[str, object], size: object) -> None:
+    values = profiles.build(given).kld
+    assert (values.min_particles, values.max_particles) == size
+
+
+@pytest.mark.parametrize("text", ["300:", ":300", "a:b", "1:2:3", "", "500:100", "0"])
+def test_sizes_that_are_none_are_refused(text: str) -> None:
+    with pytest.raises(UsageError, match="_particles"):
+        profiles.build({"particles": text})
+
+
+def test_the_originals_sizes_and_recoveries() -> None:
+    for profile, bins in (("nav2", 1), ("beluga", 2)):
+        settings = profiles.build({}, profile=profile)
+        assert (settings.kld.min_particles, settings.kld.max_particles, settings.kld.z) == (500, 2000, 0.99)
+        assert settings.kld.kld_unlimited_bins == bins
+        assert not settings.recovery.enabled
+        assert profiles.build(
+            {"recovery_alpha_slow": 0.001, "recovery_alpha_fast": 0.1}, profile=profile
+        ).recovery.enabled
 
 
 def test_changing_one_value_leaves_the_others() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from mclcli import se2, se3
+from mclcli.filter.kld import KldParameters
 from mclcli.filter.localizer import FilterParameters, Localizer
 from mclcli.filter.start import AlongPoses, AroundPose
 from mclcli.records import LaserScan, StampedPose
@@ -165,7 +166,7 @@ def test_long_logs_need_odometry_of_the_last_seconds_only() -> None:
 
 def test_the_same_seed_gives_the_same_track_and_another_one_does_not() -> None:
     def track(seed: int) -> bytes:
-        localizer = Localizer(NOISY, FilterParameters(particles=20, update_min_d=0.5), seed)
+        localizer = Localizer(NOISY, FilterParameters(update_min_d=0.5), seed, KldParameters(20, 20))
         spread = AroundPose(START, np.eye(3) * 0.01)
         return b"".join(point.estimate.pose.tobytes() for point in run(drive(4), localizer=localizer, start=spread)[0])
 

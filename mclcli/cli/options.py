@@ -196,6 +196,7 @@ def build_settings(
 
     values = dict(base)
     if arguments["params"] is not None:
-        values.update(read_params(arguments["params"]))
-    values.update(arguments["settings"] | (flags or {}))
+        values.update(profiles.spelled_out(read_params(arguments["params"])))
+    for given in (arguments["settings"], flags or {}):
+        values.update(profiles.spelled_out(given))
     return profiles.build(values, profile=arguments["profile"], model=arguments["model"])

@@ -58,7 +58,14 @@ DAMAGED = 3
     show_default=True,
     help="Seed of every random stream.",
 )
-@click.option("--particles", type=click.IntRange(min=1), help="Number of particles.")
+@click.option(
+    "--particles", metavar="N|MIN:MAX", help="Number of particles; of two, KLD sampling chooses between them."
+)
+@click.option(
+    "--recovery",
+    type=click.Choice(["off", "uniform"]),
+    help="What to do when readings fit worse than they used to: draw some particles anew, or nothing.",
+)
 @click.option(
     "--scan", "scans", multiple=True, metavar="TOPIC", help="Laser scan topic; the first one given triggers updates."
 )
@@ -118,7 +125,7 @@ def _inputs(arguments: dict[str, Any]) -> list[Path]:
 
 
 def _from_flags(arguments: dict[str, Any]) -> dict[str, object]:
-    return {} if arguments["particles"] is None else {"particles": arguments["particles"]}
+    return {name: arguments[name] for name in ("particles", "recovery") if arguments[name] is not None}
 
 
 def _open(arguments: dict[str, Any]) -> Recording:

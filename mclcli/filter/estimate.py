@@ -7,12 +7,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mclcli import se2
+from mclcli.filter import clusters
 from mclcli.records import Estimate
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _CONVERGED_RADIUS = 0.5  # [m], as nav2_amcl's dist_threshold
+
+
+def stated(
+    poses: NDArray[np.float64], weights: NDArray[np.float64], *, mean_of: str = "set", covariance_of: str = "set"
+) -> Estimate:
+    """Mean and covariance, each of the whole ``set`` or of its ``heaviest`` cluster; nav2_amcl takes one of each."""
+    whole = weighted_mean(poses, weights)
+    if mean_of == covariance_of == "set":
+        return whole
+    heaviest = clusters.find(poses, weights).heaviest
+    mean, covariance = (heaviest if of == "heaviest" else whole for of in (mean_of, covariance_of))
+    return Estimate(mean.pose, covariance.covariance)
 
 
 def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> Estimate:

@@ -36,8 +36,10 @@ class KldParameters:
     do not limit a belief within one bin (nav2) or two (Beluga) at all: ``kld_unlimited_bins``.
     """
 
-    min_particles: int = parameter(500, "smallest number of particles", low=1, in_nav2=True)
-    max_particles: int = parameter(2000, "largest number of particles", low=1, in_nav2=True)
+    min_particles: int = parameter(
+        2000, "smallest number of particles; the same as the largest: a fixed number", low=1, in_nav2=True
+    )
+    max_particles: int = parameter(2000, "largest number of particles, and how many to start with", low=1, in_nav2=True)
     pf_err: float = parameter(0.05, "largest Kullback-Leibler distance to the true belief", above=0.0, in_nav2=True)
     pf_z: float = parameter(0.99, "probability that pf_err holds, or its normal quantile", above=0.0, in_nav2=True)
     kld_quantile: str = parameter("probability", "what pf_z is", choices=("probability", "z"))
@@ -50,13 +52,18 @@ class KldParameters:
         if self.min_particles > self.max_particles:
             raise UsageError(
                 f"parameter min_particles = {self.min_particles}: must be at most max_particles = "
-                f"{self.max_particles}; see `mcl params`"
+                f"{self.max_particles}; `particles=N` or `particles=MIN:MAX` sets both"
             )
         if self.kld_quantile == "probability" and self.pf_z >= 1.0:
             raise UsageError(
                 f"parameter pf_z = {self.pf_z:g}: must be a probability below 1; "
                 "where it is meant as a quantile, set kld_quantile=z"
             )
+
+    @property
+    def fixed(self) -> bool:
+        """Whether the number never changes."""
+        return self.min_particles == self.max_particles
 
     @property
     def z(self) -> float:

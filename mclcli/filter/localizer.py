@@ -13,6 +13,8 @@ import numpy as np
 
 from mclcli import rng
 from mclcli.filter import estimate, policies, scoring, temperature, weights
+from mclcli.filter.kld import KldParameters, kld_size
+from mclcli.filter.recovery import RecoveryParameters
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.parameters import parameter, validate
 from mclcli.records import StepRecord
@@ -24,18 +26,25 @@ if TYPE_CHECKING:
 
     from mclcli.filter.temperature import Correlation
     from mclcli.motion import MotionModel
+    from mclcli.records import Estimate
     from mclcli.sensors import Measurement
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class FilterParameters:
-    """Size and rhythm of the filter."""
+    """Rhythm of the filter, and what it states."""
 
-    particles: int = parameter(2000, "number of particles", low=1)
     resampler: str = parameter("systematic", "how ancestors are drawn", choices=tuple(RESAMPLERS))
     resample_ess: float = parameter(
-        0.5, "resample when the effective sample size falls below this share of the particles", low=0.0, high=1.0
+        0.5,
+        "resample when the effective sample size falls below this share of the particles; 1: whatever it is",
+        low=0.0,
+        high=1.0,
+    )
+    resample_interval: int = parameter(1, "resample at every so many updates at most", low=1, in_nav2=True)
+    resample_moved: bool = parameter(
+        False, "resample only if the robot has moved since the last time (10 cm or 0.1 rad of way in all)"
     )
     ess_target: float = parameter(
         0.05, "share of the sample that temperature `ess` leaves at least; below resample_ess", above=0.0, high=1.0
@@ -44,6 +53,19 @@ class FilterParameters:
         "before",
         "the estimate is of the weighted set before resampling, or of the set after",
         choices=("before", "after"),
+    )
+    estimate_mean: str = parameter(
+        "set", "the pose stated is the mean of the whole set, or of its heaviest cluster", choices=("set", "heaviest")
+    )
+    estimate_covariance: str = parameter(
+        "set",
+        "the covariance stated is that of the whole set, or of its heaviest cluster",
+        choices=("set", "heaviest"),
+    )
+    degenerate: str = parameter(
+        "carry",
+        "where no weight is left, the carried ones stay, or all become equal",
+        choices=("carry", "uniform"),
     )
     gate: str = parameter(
         "euclidean",
@@ -62,12 +84,17 @@ class FilterParameters:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class FilterState:
-    """Particles (N, 3) and their normalised log-weights (N,) between two steps; what ``auto`` measured, by sensor."""
+    """Particles (N, 3) and their normalised log-weights (N,) between two steps.
+
+    ``correlations`` are what temperature ``auto`` measured, by sensor; ``way`` is how far the robot has moved [m] and
+    turned [rad] since the particles were resampled.
+    """
 
     step: int
     poses: NDArray[np.float64]
     log_weights: NDArray[np.float64]
     correlations: Mapping[str, Correlation] = field(default_factory=dict)
+    way: tuple[float, float] = (0.0, 0.0)
 
 
 def initial_state(poses: NDArray[np.float64], step: int = 0) -> FilterState:
@@ -88,6 +115,8 @@ class Localizer:
     motion: MotionModel
     parameters: FilterParameters
     seed: int
+    size: KldParameters = field(default_factory=KldParameters)
+    recovery: RecoveryParameters = field(default_factory=RecoveryParameters)
 
     def step(
         self,
@@ -107,12 +136,13 @@ class Localizer:
         alphas = temperature.resolve(
             measurements, log_likelihoods, state.log_weights, state.correlations, self.parameters.ess_target
         )
-        log_weights, degenerate = _reweight(state.log_weights, scoring.temper(alphas, log_likelihoods))
-        record = self._record(state, poses, measurements, log_likelihoods, log_weights)
+        log_weights, degenerate = self._reweight(state.log_weights, scoring.temper(alphas, log_likelihoods))
+        way = policies.add_way(state.way, increment)
+        record = self._record(state, poses, measurements, log_likelihoods, log_weights, way)
         record = dataclasses.replace(record, stamp_ns=stamp_ns, segment=segment, alphas=alphas, degenerate=degenerate)
-        after = self._resample(record) if record.resampled else _carry(record)
+        after = self._resample(record) if record.resampled else _carry(record, way)
         if self.parameters.estimate == "after":
-            belief = estimate.weighted_mean(after.poses, weights.normalise(after.log_weights))
+            belief = self._estimate(after.poses, weights.normalise(after.log_weights))
             record = dataclasses.replace(record, estimate=belief)
         correlations = temperature.observe(measurements, record.estimate.pose, state.correlations)
         return dataclasses.replace(after, correlations=correlations), record
@@ -128,11 +158,12 @@ class Localizer:
         measurements: Sequence[Measurement],
         log_likelihoods: NDArray[np.float64],
         log_weights: NDArray[np.float64],
+        way: tuple[float, float],
     ) -> StepRecord:
         """Everything that the weights say; the step fills in stamp, segment, temperatures and flag."""
         normalised = weights.normalise(log_weights)
         ess = weights.effective_sample_size(normalised)
-        belief = estimate.weighted_mean(poses, normalised)
+        belief = self._estimate(poses, normalised)
         log_evidence = weights.log_sum_exp(state.log_weights + log_likelihoods.sum(axis=0))
         return StepRecord(
             step=state.step,
@@ -145,7 +176,7 @@ class Localizer:
             weights=normalised,
             ess=ess,
             log_evidence=log_evidence,
-            resampled=policies.is_depleted(ess, poses.shape[0], self.parameters.resample_ess),
+            resampled=self._wants_resampling(state.step, ess, poses.shape[0], way),
             degenerate=False,
             beams_used=sum(m.count for m in measurements),
             estimate=belief,
@@ -154,22 +185,47 @@ class Localizer:
             reliability=_reliability(log_evidence, measurements),
         )
 
+    def _estimate(self, poses: NDArray[np.float64], normalised: NDArray[np.float64]) -> Estimate:
+        p = self.parameters
+        return estimate.stated(poses, normalised, mean_of=p.estimate_mean, covariance_of=p.estimate_covariance)
+
+    def _reweight(
+        self, carried: NDArray[np.float64], tempered: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], bool]:
+        """log w_t = log w_{t−1} + Σ α · log p, and whether the measurement had to be ignored."""
+        log_weights = carried + tempered
+        if weights.usable(log_weights):
+            return log_weights, False
+        return (carried if self.parameters.degenerate == "carry" else uniform_log_weights(carried.size)), True
+
+    def _wants_resampling(self, step: int, ess: float, n: int, way: tuple[float, float]) -> bool:
+        """All policies together: every so many updates, after motion, and where weights have become uneven."""
+        p = self.parameters
+        return (
+            policies.is_turn_of(step, p.resample_interval)
+            and (not p.resample_moved or policies.is_way(way))
+            and policies.is_depleted(ess, n, p.resample_ess)
+        )
+
     def _resample(self, record: StepRecord) -> FilterState:
-        n = record.poses.shape[0]
-        draws = rng.stream(self.seed, rng.Purpose.RESAMPLE, record.step)
-        ancestors = RESAMPLERS[self.parameters.resampler](record.weights, n, draws)
+        resampler = RESAMPLERS[self.parameters.resampler]
+        n = self._wanted_size(record)
+        ancestors = resampler(record.weights, n, rng.stream(self.seed, rng.Purpose.RESAMPLE, record.step))
         return FilterState(record.step + 1, record.poses[ancestors], uniform_log_weights(n))
 
+    def _wanted_size(self, record: StepRecord) -> int:
+        """Particles to draw: KLD sampling looks at a draw of the largest number, which is then thrown away."""
+        largest = self.size.max_particles
+        if self.size.fixed:
+            return largest
+        draws = rng.stream(self.seed, rng.Purpose.KLD, record.step)
+        pilot = RESAMPLERS[self.parameters.resampler](record.weights, largest, draws)
+        return kld_size(record.poses[pilot], self.size, draws)
 
-def _reweight(carried: NDArray[np.float64], tempered: NDArray[np.float64]) -> tuple[NDArray[np.float64], bool]:
-    """log w_t = log w_{t−1} + Σ α · log p, and whether the measurement had to be ignored."""
-    log_weights = carried + tempered
-    return (log_weights, False) if weights.usable(log_weights) else (carried, True)
 
-
-def _carry(record: StepRecord) -> FilterState:
+def _carry(record: StepRecord, way: tuple[float, float]) -> FilterState:
     normalised = record.log_weights - weights.log_sum_exp(record.log_weights)
-    return FilterState(record.step + 1, record.poses, normalised)
+    return FilterState(record.step + 1, record.poses, normalised, way=way)
 
 
 def _reliability(log_evidence: float, measurements: Sequence[Measurement]) -> float:

@@ -9,6 +9,8 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+_WAY = (0.1, 0.1)  # [m], [rad]
+
 
 def has_moved(increment: NDArray[np.float64], min_d: float, min_a: float) -> bool:
     """Whether the base moved (Euclidean, [m]) or turned [rad] far enough since the last update for another one."""
@@ -21,6 +23,21 @@ def has_moved_on_an_axis(difference: NDArray[np.float64], min_d: float, min_a: f
     return abs(difference[0]) > min_d or abs(difference[1]) > min_d or abs(yaw) > min_a
 
 
+def add_way(way: tuple[float, float], increment: NDArray[np.float64]) -> tuple[float, float]:
+    """Metres moved and radians turned, with another increment (3,)."""
+    return way[0] + math.hypot(increment[0], increment[1]), way[1] + abs(float(increment[2]))
+
+
+def is_way(way: tuple[float, float]) -> bool:
+    """Whether so much was moved [m] or turned [rad] that particles are no longer copies of each other."""
+    return way[0] >= _WAY[0] or way[1] >= _WAY[1]
+
+
 def is_depleted(ess: float, n: int, fraction: float) -> bool:
-    """Whether the effective sample size fell below a fraction of the particles."""
-    return ess < fraction * n
+    """Whether the effective sample size fell below a fraction of the particles; of 1, whatever it is."""
+    return ess < fraction * n or fraction == 1.0
+
+
+def is_turn_of(step: int, interval: int) -> bool:
+    """Whether a step, counted from 0, is the last of its ``interval`` steps."""
+    return (step + 1) % interval == 0

@@ -178,7 +178,7 @@ def test_the_metadata_repeat_the_run(everything: Everything) -> None:
     first = everything.files["trace.csv"].splitlines()[0].decode()
     metadata = json.loads(first.removeprefix("# "))
     assert metadata["seed"] == 0
-    assert metadata["parameters"]["particles"] == 300
+    assert metadata["parameters"]["max_particles"] == 300
     assert metadata["topics"] == {"lidar": "/scan"}
     assert metadata["logs"] == ["short.mcap"]
     assert metadata["argv"] == (

@@ -108,7 +108,7 @@ def test_the_order_of_the_visit_is_drawn() -> None:
 def test_one_heap_needs_the_least_and_a_wide_cloud_everything() -> None:
     heap = np.random.default_rng(1).normal([0.25, 0.25, 0.09], 0.01, (2000, 3))
     wide = np.random.default_rng(2).uniform(-50.0, 50.0, (2000, 3))
-    assert kld.kld_size(heap, KldParameters(), np.random.default_rng(0)) == 500
+    assert kld.kld_size(heap, KldParameters(500, 2000), np.random.default_rng(0)) == 500
     assert kld.kld_size(wide, KldParameters(), np.random.default_rng(0)) == 2000
 
 

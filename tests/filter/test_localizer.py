@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli import rng
+from mclcli.filter.kld import KldParameters
 from mclcli.filter.localizer import FilterParameters, FilterState, Localizer, initial_state, uniform_log_weights
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
@@ -31,7 +32,8 @@ N = 50
 
 def localizer(seed: int = 0, resample_ess: float = 0.5, resampler: str = "systematic") -> Localizer:
     motion = DifferentialMotion(DifferentialParameters())
-    return Localizer(motion, FilterParameters(resample_ess=resample_ess, resampler=resampler), seed)
+    parameters = FilterParameters(resample_ess=resample_ess, resampler=resampler)
+    return Localizer(motion, parameters, seed, KldParameters(N, N))
 
 
 def around_zero(n: int = N) -> FilterState:
