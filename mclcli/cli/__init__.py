@@ -19,6 +19,7 @@ COMMANDS = {
     "score": "Score poses of a robot against one scan.",
     "run": "Run Monte Carlo Localization over a log.",
     "extract": "Print one message of a log, a laser scan ready for `mcl score -`.",
+    "recover": "Save every whole message of a damaged log into a clean MCAP.",
     "params": "Print every parameter with its effective value and meaning.",
 }
 

@@ -48,6 +48,12 @@ def warn(message: str) -> None:
     logging.getLogger("mclcli").warning("%s", message)
 
 
+def tell_kept(path: Path | None) -> None:
+    """Say where the output of an interrupted command is, if it was kept."""
+    if path is not None:
+        warn(f"interrupted: what was written so far is kept as {path.name}")
+
+
 def is_live() -> bool:
     """Whether progress can be shown: stderr is a terminal and -q was not given."""
     return sys.stderr.isatty() and logging.getLogger("mclcli").isEnabledFor(logging.INFO)

@@ -114,9 +114,8 @@ class Outputs:
             self._stack.__exit__(*sys.exc_info())
             raise
         self._stack.__exit__(kind, error, trace)
-        for kept in (output.kept for output in self._opened):
-            if kind is not None and kept is not None:
-                console.warn(f"interrupted: what was written so far is kept as {kept.name}")
+        for output in self._opened if kind is not None else ():
+            console.tell_kept(output.kept)
 
     def write(self, point: TrackPoint) -> None:
         """Write one point everywhere it belongs."""

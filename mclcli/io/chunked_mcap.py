@@ -1,10 +1,10 @@
-"""An MCAP file, profile ros2, that survives being interrupted: small chunks of whole steps, written by a thread."""
+"""An MCAP file that survives being interrupted: small chunks of whole steps, written by a thread."""
 
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, BinaryIO, cast, final
+from typing import TYPE_CHECKING, Any, BinaryIO, Generic, TypeVar, cast, final
 
 from mcap.writer import CompressionType, Writer
 
@@ -13,15 +13,17 @@ from mclcli.io.writers import stamp_text
 from mclcli.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from mclcli.io.writers import BinarySink
+
+Key = TypeVar("Key")
 
 CHUNK_BYTES = 64 * 1024
 """A chunk ends after the step in which it passes this size: a killed run loses at most one."""
 
 # rosbag2's YAML: keep last, reliable, volatile (2) or transient local (1), automatic liveliness, no deadlines.
-_QOS = """\
+NUMBERED_QOS = """\
 - history: 1
   depth: {depth}
   reliability: 1
@@ -39,9 +41,10 @@ _QOS = """\
   avoid_ros_namespace_conventions: false
 """
 
-# Below version 9, rosbag2 reads the numbers above; without this record newer ones expect names, older ones numbers.
+# A metadata record for files with such numbers: below version 9, rosbag2 reads them; without this record newer ones
+# expect names, older ones numbers.
 # Source: rosbag2_storage_mcap/src/mcap_storage.cpp (read_metadata), rosbag2_storage/src/rosbag2_storage/qos.cpp.
-_ROSBAG2 = """\
+ROSBAG2 = """\
 version: 5
 storage_identifier: mcap
 duration:
@@ -59,50 +62,82 @@ files: []
 
 @final
 @dataclass(frozen=True, slots=True)
-class Topic:
-    """A channel to be: message type (``tf2_msgs/msg/TFMessage``), full ``ros2msg`` definition, and if it is latched."""
+class Stream:
+    """A channel to be, described as the file will: topic, encoding of its messages, schema (none if ``type`` is '')."""
 
+    topic: str
     type: str
-    definition: str
-    latched: bool = False
+    form: str
+    schema: bytes
+    encoding: str
+    metadata: tuple[tuple[str, str], ...] = ()
+
+
+def ros2_stream(topic: str, kind: str, definition: str, *, latched: bool = False) -> Stream:
+    """Channel of ROS 2 messages of a type (``tf2_msgs/msg/TFMessage``) with its full ``ros2msg`` definition."""
+    qos = NUMBERED_QOS.format(depth=1 if latched else 10, durability=1 if latched else 2)
+    return Stream(topic, kind, "ros2msg", definition.encode(), "cdr", (("offered_qos_profiles", qos),))
 
 
 @final
-class ChunkedMcap:
-    """Appends messages of known topics; every batch stays within one chunk, zstd-compressed and checksummed.
+class ChunkedMcap(Generic[Key]):
+    """Appends messages of known streams; every batch stays within one chunk, zstd-compressed and checksummed.
 
+    ``streams`` may grow meanwhile. ``records`` are metadata by name, ``attached`` names a text to attach.
     Chunks are made and written by one thread of the file's own: meanwhile the caller goes on, and a
     KeyboardInterrupt, which reaches the main thread only, cannot tear a chunk. Hence ``close`` after any exception
     leaves a complete file of whole batches. An error in writing is raised by a later call, ``close`` at the latest.
     """
 
-    __slots__ = ("_channels", "_counts", "_done", "_pending", "_schemas", "_size", "_topics", "_worker", "_writer")
+    __slots__ = (
+        "_channels",
+        "_chunk_bytes",
+        "_counts",
+        "_done",
+        "_pending",
+        "_schemas",
+        "_size",
+        "_streams",
+        "_worker",
+        "_writer",
+    )
 
     def __init__(
-        self, stream: BinarySink, *, topics: Mapping[str, Topic], metadata: Mapping[str, str], parameters_yaml: str
+        self,
+        sink: BinarySink,
+        streams: Mapping[Key, Stream],
+        *,
+        profile: str = "ros2",
+        records: Mapping[str, Mapping[str, str]],
+        attached: tuple[str, str] | None = None,
+        chunk_bytes: int = CHUNK_BYTES,
     ) -> None:
         # Only flush() may end a chunk: with this size the library never does by itself.
-        self._writer: Any = Writer(cast("BinaryIO", _Counted(stream)), 1 << 62, CompressionType.ZSTD)
-        self._writer.start(profile="ros2", library=f"mclcli {__version__}")
-        self._writer.add_metadata("mcl", {key: _utf8(value) for key, value in metadata.items()})
-        self._writer.add_metadata("rosbag2", {"serialized_metadata": _ROSBAG2})
-        self._writer.add_attachment(0, 0, "parameters.yaml", "application/yaml", _utf8(parameters_yaml).encode())
-        self._topics = topics
-        self._schemas: dict[str, int] = {}
-        self._channels: dict[str, int] = {}
-        self._counts: dict[str, int] = {}
-        self._pending: list[tuple[int, str, bytes]] = []
+        self._writer: Any = Writer(cast("BinaryIO", _Counted(sink)), 1 << 62, CompressionType.ZSTD)
+        self._writer.start(profile=profile, library=f"mclcli {__version__}")
+        for name, pairs in records.items():
+            self._writer.add_metadata(name, {key: _utf8(value) for key, value in pairs.items()})
+        if attached:
+            name, text = attached
+            self._writer.add_attachment(0, 0, name, "application/yaml", _utf8(text).encode())
+        self._streams = streams
+        self._chunk_bytes = chunk_bytes
+        self._schemas: dict[tuple[str, str, bytes], int] = {}
+        self._channels: dict[Key, int] = {}
+        self._counts: dict[Key, int] = {}
+        self._pending: list[tuple[int, int, Key, bytes]] = []
         self._size = 0
-        self._worker: ThreadPoolExecutor | None = ThreadPoolExecutor(1, "mcl-trace")
+        self._worker: ThreadPoolExecutor | None = ThreadPoolExecutor(1, "mcl-mcap")
         self._done: Future[None] | None = None
 
-    def add(self, log_time_ns: int, batch: list[tuple[str, bytes]]) -> None:
-        """Append messages (topic, CDR) that share a chunk; InputError for a time before 1970."""
+    def add(self, log_time_ns: int, batch: Sequence[tuple[Key, bytes]], publish_ns: int | None = None) -> None:
+        """Append messages (stream, bytes) that share a chunk; InputError for a time before 1970."""
         if log_time_ns < 0:
-            raise InputError(f"MCAP trace: stamp {stamp_text(log_time_ns)} is before 1970; write CSV instead")
-        self._pending += [(log_time_ns, topic, data) for topic, data in batch]
+            raise InputError(f"MCAP: stamp {stamp_text(log_time_ns)} is before 1970; write CSV instead")
+        published = log_time_ns if publish_ns is None else publish_ns
+        self._pending += [(log_time_ns, published, key, data) for key, data in batch]
         self._size += sum(len(data) for _, data in batch)
-        if self._size > CHUNK_BYTES:
+        if self._size > self._chunk_bytes:
             self._hand_over()
 
     def close(self) -> None:
@@ -130,22 +165,21 @@ class ChunkedMcap:
         if self._done is not None:
             self._done.result()
 
-    def _write(self, chunk: list[tuple[int, str, bytes]]) -> None:
-        for log_time_ns, name, data in chunk:
-            channel = self._channels.get(name) or self._register(name)
-            self._counts[name] = sequence = self._counts.get(name, -1) + 1
-            self._writer.add_message(channel, log_time_ns, data, log_time_ns, sequence)
+    def _write(self, chunk: list[tuple[int, int, Key, bytes]]) -> None:
+        for log_time_ns, publish_ns, key, data in chunk:
+            channel = self._channels.get(key) or self._register(key)
+            self._counts[key] = sequence = self._counts.get(key, -1) + 1
+            self._writer.add_message(channel, log_time_ns, data, publish_ns, sequence)
         self._writer.flush()
 
-    def _register(self, name: str) -> int:
-        topic = self._topics[name]
-        if topic.type not in self._schemas:
-            schema = self._writer.register_schema(topic.type, "ros2msg", topic.definition.encode())
-            self._schemas[topic.type] = schema
-        qos = _QOS.format(depth=1 if topic.latched else 10, durability=1 if topic.latched else 2)
-        described = {"offered_qos_profiles": qos}
-        channel: int = self._writer.register_channel(name, "cdr", self._schemas[topic.type], described)
-        self._channels[name] = channel
+    def _register(self, key: Key) -> int:
+        stream = self._streams[key]
+        schema = (stream.type, stream.form, stream.schema)
+        if schema not in self._schemas:
+            self._schemas[schema] = self._writer.register_schema(*schema) if stream.type else 0
+        metadata = dict(stream.metadata)
+        channel: int = self._writer.register_channel(stream.topic, stream.encoding, self._schemas[schema], metadata)
+        self._channels[key] = channel
         return channel
 
 

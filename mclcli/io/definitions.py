@@ -57,6 +57,15 @@ def store_for(channel: Channel) -> Typestore | str:
     return f"its definition of {channel.type} is another version than those known"
 
 
+def definition_of(channel: Channel) -> str:
+    """Full definition of a channel's type as text with all types it uses, '' where we know none that fits."""
+    store = store_for(channel)
+    if isinstance(store, str):
+        return ""
+    text, _ = store.generate_msgdef(channel.type, ros_version=1 if channel.encoding == "ros1" else 2)
+    return text
+
+
 @lru_cache(maxsize=8)
 def _store(name: str, age: int) -> Typestore:
     """Build one type store, with our own texts added: expensive, so once per process and only when needed."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, final
 
 from mclcli import se2, se3
 from mclcli.io import trace_messages as messages
-from mclcli.io.chunked_mcap import ChunkedMcap, Topic
+from mclcli.io.chunked_mcap import ROSBAG2, ChunkedMcap, ros2_stream
 from mclcli.io.writers import require_finite
 from mclcli.records import Transform
 
@@ -27,8 +27,8 @@ _TYPES = {
     "/mcl/step": "mcl_msgs/msg/Step",
     "/scan": "sensor_msgs/msg/LaserScan",
 }
-_TOPICS = {
-    name: Topic(kind, messages.definition(kind), latched=name in {"/map", "/tf_static"})
+_STREAMS = {
+    name: ros2_stream(name, kind, messages.definition(kind), latched=name in {"/map", "/tf_static"})
     for name, kind in _TYPES.items()
 }
 
@@ -63,8 +63,11 @@ class TraceMcap:
         self._statics = [t for t in static_transforms if self._is_kept(t)]
         self._has_base = any(t.child == base_frame for t in self._statics)
         self._started = False
-        described = {**metadata, "rounding": messages.ROUNDING}
-        self._file = ChunkedMcap(stream, topics=_TOPICS, metadata=described, parameters_yaml=parameters_yaml)
+        records = {
+            "mcl": {**metadata, "rounding": messages.ROUNDING},
+            "rosbag2": {"serialized_metadata": ROSBAG2},
+        }
+        self._file = ChunkedMcap(stream, _STREAMS, records=records, attached=("parameters.yaml", parameters_yaml))
 
     def transforms(self, stamp_ns: int, transforms: Sequence[Transform]) -> None:
         """Pass on one recorded /tf message, received at ``stamp_ns``."""

@@ -10,7 +10,7 @@ import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
-from mclcli.io.logs.base import Channel
+from mclcli.io.logs.base import Channel, Recorded
 from mclcli.io.logs.mcap_records import ros2_name
 
 if TYPE_CHECKING:
@@ -94,14 +94,20 @@ def parse_connection(head: Head, data: bytes) -> Channel | None:
     more = parse_head(data + b"\x04\x00\x00\x00op=\x07", 0, len(data) + 8)
     if more.kind != CONNECTION or b"topic" not in head.fields or b"conn" not in head.fields:
         return None
+    pairs = tuple((name, more.text(name.encode())) for name in _KEPT if name.encode() in more.fields)
+    kind, text = more.text(b"type"), more.fields.get(b"message_definition", b"")
     return Channel(
         topic=head.text(b"topic"),
-        type=ros2_name(more.text(b"type")),
+        type=ros2_name(kind),
         encoding="ros1",
-        definition=more.text(b"message_definition"),
+        definition=text.decode("utf-8", "replace"),
         digest=more.text(b"md5sum"),
         latched=more.fields.get(b"latching") == b"1",
+        recorded=Recorded(kind, "ros1msg", text, pairs),
     )
+
+
+_KEPT = ("callerid", "latching", "md5sum")
 
 
 def chunk_start(match: re.Match[bytes], left: int) -> int | None:

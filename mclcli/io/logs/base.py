@@ -3,10 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol, final
+from typing import TYPE_CHECKING, NamedTuple, Protocol, final
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """How a file itself describes a channel, word for word, so that it can be written again.
+
+    ``schema`` is the definition's bytes, ``form`` their encoding (``ros2msg``, ``jsonschema``…), ``name`` the type as
+    it stands there; ``metadata`` the channel's own pairs (QoS, md5sum, latching).
+    """
+
+    name: str
+    form: str
+    schema: bytes
+    metadata: tuple[tuple[str, str], ...] = ()
 
 
 @final
@@ -25,16 +40,17 @@ class Channel:
     definition: str = ""
     digest: str = ""
     latched: bool = False
+    recorded: Recorded | None = field(default=None, compare=False)
 
 
 @final
-@dataclass(frozen=True, slots=True)
-class RawMessage:
-    """One message as recorded, not decoded."""
+class RawMessage(NamedTuple):
+    """One message as recorded, not decoded; ``publish_ns`` where the container has it. A tuple: there are millions."""
 
     channel: Channel
     log_time_ns: int
     data: bytes
+    publish_ns: int | None = None
 
 
 @final

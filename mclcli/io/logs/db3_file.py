@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, final
 
-from mclcli.io.logs.base import Channel, Item, RawMessage
+from mclcli.io.logs.base import Channel, Item, RawMessage, Recorded
 from mclcli.io.logs.inflate import CHUNK_LIMIT
 from mclcli.io.logs.lanes import Lanes
 from mclcli.io.logs.mcap_records import is_latched, ros2_name
@@ -106,17 +106,17 @@ class _Scan:
 
     def channels(self) -> Iterator[Channel]:
         """Topics with their types, and definitions where the file has them (since Iron)."""
-        definitions: dict[str, str] = {}
+        definitions: dict[str, tuple[str, str]] = {}
         with contextlib.suppress(sqlite3.Error):  # older files have no such table
-            definitions = dict(
-                self.database.execute("SELECT topic_type, encoded_message_definition FROM message_definitions")
-            )
+            query = "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
+            definitions = {kind: (str(form), str(text)) for kind, form, text in self.database.execute(query)}
         for row in self.database.execute("SELECT * FROM topics"):
             number, name, kind, encoding, *rest = row
             if isinstance(number, int) and all(isinstance(text, str) for text in row[1:4]):
                 qos = str(rest[0]) if rest else ""
-                text = str(definitions.get(kind, ""))
-                channel = Channel(name, ros2_name(kind), encoding, text, latched=is_latched(qos))
+                form, text = definitions.get(kind, ("", ""))
+                recorded = Recorded(kind, form, text.encode(), (("offered_qos_profiles", qos),) if qos else ())
+                channel = Channel(name, ros2_name(kind), encoding, text, "", is_latched(qos), recorded)
                 if self.lanes.add(number, channel):
                     yield channel
 

@@ -21,7 +21,7 @@ from mclcli.io.logs.report import CUT, RESUMES, UNCLOSED, Report
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator
 
-    from mclcli.io.logs.base import Channel
+    from mclcli.io.logs.base import Channel, Recorded
     from mclcli.io.logs.source import ByteSource
 
 
@@ -48,7 +48,7 @@ class _Scan:
     src: ByteSource
     lanes: Lanes
     report: Report
-    schemas: dict[int, tuple[str, str]] = field(default_factory=dict)
+    schemas: dict[int, Recorded] = field(default_factory=dict)
     budget: Budget = field(default_factory=Budget)
     messages: int = 0  # seen so far, wanted or not
     stated: int | None = None  # messages that the file's own statistics count
@@ -163,7 +163,7 @@ class _Scan:
             if stop > end or length < rec.SHORTEST.get(kind, stop):
                 break
             if kind == rec.MESSAGE:
-                number, _, stamp, _ = rec.MESSAGE_HEAD.unpack_from(plain, pos + 9)
+                number, _, stamp, published = rec.MESSAGE_HEAD.unpack_from(plain, pos + 9)
                 if number not in lanes:
                     yield from self.learn()
                 count += 1
@@ -171,7 +171,7 @@ class _Scan:
                 if lane is None:
                     self.lanes.nameless += 1
                 elif lane.wanted:
-                    yield RawMessage(lane.channel, stamp, plain[pos + 31 : stop])
+                    yield RawMessage(lane.channel, stamp, plain[pos + 31 : stop], published)
                 else:
                     lane.pass_over(stamp)
                     if not self.lanes.reported:
@@ -197,6 +197,7 @@ class _Scan:
     def broken(self, at: int, head: bytes, body: bytes | None) -> Generator[Item, None, bool]:
         """Framing is wrong at byte ``at``: find the next record that makes sense, or see the file as cut there."""
         if self.data_ended:
+            self.stated = None
             yield self.report.harmless(at, f"summary is damaged at byte {at}, or cut; it is not needed")
             return False
         self.src.unread(head[1:] + (body or b""))

@@ -8,10 +8,10 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, final
 
-from mclcli.io.logs.base import Channel
+from mclcli.io.logs.base import Channel, Recorded
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -82,19 +82,19 @@ def peek_chunk(src: ByteSource) -> ChunkHead | None:
     return parse_chunk_head(ahead[RECORD.size :]) if ahead[:1] == bytes([CHUNK]) else None
 
 
-def parse_schema(content: bytes) -> tuple[int, tuple[str, str]] | None:
-    """Schema id, and its name with the definition text ('' if not text); None if the record is malformed."""
+def parse_schema(content: bytes) -> tuple[int, Recorded] | None:
+    """Schema id, and what the record says; None if it is malformed."""
     try:
         (number,) = struct.unpack_from("<H", content)
         name, at = _text(content, 2)
-        encoding, at = _text(content, at)
-        definition, at = _text(content, at)
+        form, at = _text(content, at)
+        schema, _ = _bytes(content, at)
     except (struct.error, ValueError):
         return None
-    return number, (name, definition if encoding in {"ros2msg", "ros1msg", "ros2idl"} else "")
+    return number, Recorded(name, form, schema)
 
 
-def parse_channel(content: bytes, schemas: dict[int, tuple[str, str]]) -> tuple[int, Channel] | None:
+def parse_channel(content: bytes, schemas: dict[int, Recorded]) -> tuple[int, Channel] | None:
     """Channel id and channel; None if the record is malformed."""
     try:
         number, schema = struct.unpack_from("<HH", content)
@@ -103,9 +103,15 @@ def parse_channel(content: bytes, schemas: dict[int, tuple[str, str]]) -> tuple[
         metadata = _text_map(content, at)
     except (struct.error, ValueError):
         return None
-    name, definition = schemas.get(schema, ("", ""))
+    described = replace(schemas.get(schema, _NO_SCHEMA), metadata=tuple(metadata.items()))
+    definition = described.schema.decode("utf-8", "replace") if described.form in _DEFINITIONS else ""
     latched = is_latched(metadata.get("offered_qos_profiles", "")) or metadata.get("latching") in {"1", "true"}
-    return number, Channel(topic, ros2_name(name), encoding, definition, metadata.get("md5sum", ""), latched)
+    digest = metadata.get("md5sum", "")
+    return number, Channel(topic, ros2_name(described.name), encoding, definition, digest, latched, described)
+
+
+_NO_SCHEMA = Recorded("", "", b"")
+_DEFINITIONS = frozenset({"ros2msg", "ros1msg", "ros2idl"})
 
 
 def ros2_name(name: str) -> str:
@@ -160,7 +166,7 @@ def read_summary(src: ByteSource) -> bytes:
 
 def parse_definitions(records: bytes) -> Iterator[tuple[int, Channel]]:
     """Channels described by a run of records."""
-    schemas: dict[int, tuple[str, str]] = {}
+    schemas: dict[int, Recorded] = {}
     at = 0
     while at + RECORD.size <= len(records):
         kind, length = RECORD.unpack_from(records, at)
@@ -172,12 +178,17 @@ def parse_definitions(records: bytes) -> Iterator[tuple[int, Channel]]:
             yield channel
 
 
-def _text(content: bytes, at: int) -> tuple[str, int]:
+def _bytes(content: bytes, at: int) -> tuple[bytes, int]:
     (length,) = struct.unpack_from("<I", content, at)
     stop = at + 4 + length
     if stop > len(content):
         raise ValueError("string longer than its record")
-    return content[at + 4 : stop].decode("utf-8", "replace"), stop
+    return content[at + 4 : stop], stop
+
+
+def _text(content: bytes, at: int) -> tuple[str, int]:
+    raw, stop = _bytes(content, at)
+    return raw.decode("utf-8", "replace"), stop
 
 
 def _text_map(content: bytes, at: int) -> dict[str, str]:
