@@ -11,7 +11,7 @@ from mclcli.version import __version__
 
 if TYPE_CHECKING:
     from mclcli.assemble import prepare
-    from mclcli.filter.start import AlongPoses, Anywhere, AroundPose
+    from mclcli.filter.start import AlongPoses, Anywhere, AroundPose, AroundSeveral
     from mclcli.io.map_yaml import load_map
     from mclcli.io.recording import open_recording
     from mclcli.profiles import build as settings
@@ -21,6 +21,7 @@ _HOMES = {
     "AlongPoses": "mclcli.filter.start",
     "Anywhere": "mclcli.filter.start",
     "AroundPose": "mclcli.filter.start",
+    "AroundSeveral": "mclcli.filter.start",
     "ReplayTally": "mclcli.replay",
     "load_map": "mclcli.io.map_yaml",
     "open_recording": "mclcli.io.recording",
@@ -35,6 +36,7 @@ __all__ = [
     "AlongPoses",
     "Anywhere",
     "AroundPose",
+    "AroundSeveral",
     "ReplayTally",
     "__version__",
     "load_map",

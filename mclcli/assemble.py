@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 from mclcli import motion, profiles
 from mclcli.errors import InputError, UsageError
 from mclcli.filter.localizer import Localizer
-from mclcli.filter.start import Anywhere, AroundPose, Start
+from mclcli.filter.recovery import FromAnywhere, Proposal
+from mclcli.filter.start import Anywhere, AroundPose, Start, WhenTold
 from mclcli.records import LandmarkSightings, LaserScan, PixelSightings
 from mclcli.replay import Setup
 from mclcli.sensors.beam import BeamModel
@@ -55,6 +56,10 @@ def prepare(
     window_ns: tuple[int, int] = (-(2**63), 2**63 - 1),
     make_field: FieldMaker = distance_field.compute,
     threads: int = 1,
+    follow: str = "",
+    deskew: bool = False,
+    scan_offset_ns: int = 0,
+    proposal: Proposal | None = None,
 ) -> Setup:
     """Set a replay up: which topics take part, with which models.
 
@@ -83,6 +88,14 @@ def prepare(
         Computes, or finds, the distance field.
     threads
         How many threads score; the results are the same.
+    follow
+        Topic of poses that an operator states; the filter begins anew around each. Without a start it begins there.
+    deskew
+        Score each beam of a scan from where the robot was at the beam's own time.
+    scan_offset_ns
+        Added to the stamps of laser scans.
+    proposal
+        Where a robot that seems lost may be, unless parameter ``recovery`` is off; default: anywhere on the map.
 
     Raises
     ------
@@ -106,7 +119,7 @@ def prepare(
     return Setup(
         localizer=Localizer(motion.build(settings.motion), settings.filter, seed, settings.kld, settings.recovery),
         instruments=instruments,
-        start=_checked_start(start, grid),
+        start=WhenTold() if start is None and follow else _checked_start(start, grid),
         odometry=roles.odometry,
         odom_frame=roles.odom_frame,
         base_frame=roles.base_frame,
@@ -114,7 +127,22 @@ def prepare(
         mounts=mounts or {},
         window_ns=window_ns,
         transform_topics=_transform_topics(found, roles, list(instruments)),
+        follow=follow,
+        scan_offset_ns=scan_offset_ns,
+        deskew=deskew,
+        odometry_limits=settings.odometry,
+        proposal=_proposal(settings, grid, proposal),
     )
+
+
+def _proposal(settings: Settings, grid: OccupancyGrid | None, given: Proposal | None) -> Proposal | None:
+    if not settings.recovery.enabled:
+        return None
+    if given is None and grid is None:
+        raise UsageError(
+            f"recovery={settings.recovery.recovery}: without a map there is no place to look; set it to off"
+        )
+    return given or (None if grid is None else FromAnywhere(grid))
 
 
 def lidar_model(

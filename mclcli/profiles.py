@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any, final
 
 from mclcli.errors import UsageError, nearest_name
 from mclcli.filter.kld import KldParameters
-from mclcli.filter.localizer import FilterParameters
+from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.recovery import RecoveryParameters
 from mclcli.motion import MotionParameters
+from mclcli.motion.odometry import OdometryParameters
 from mclcli.parameters import Description, described, parameter, validate
 from mclcli.quantity import parse_quantity
 from mclcli.sensors.beam import BeamParameters
@@ -48,6 +49,7 @@ class Settings:
     kld: KldParameters
     recovery: RecoveryParameters
     motion: MotionParameters
+    odometry: OdometryParameters
     beams: BeamSelection
     likelihood_field: LikelihoodFieldParameters
     beam: BeamParameters
@@ -65,6 +67,7 @@ GROUPS: dict[str, type[Any]] = {
     "kld": KldParameters,
     "recovery": RecoveryParameters,
     "motion": MotionParameters,
+    "odometry": OdometryParameters,
     "beams": BeamSelection,
     "likelihood_field": LikelihoodFieldParameters,
     "beam": BeamParameters,

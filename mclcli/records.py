@@ -128,6 +128,15 @@ class Estimate:
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
+class Hypothesis:
+    """One place where the robot may be: a cluster of particles with its ``weight``, mean and covariance."""
+
+    weight: float
+    estimate: Estimate
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
 class StepRecord:
     """One filter update over N particles and S sensors, with every weight.
 
@@ -135,6 +144,8 @@ class StepRecord:
     ``sensors``. ``log_weights`` (N,) = log W_{t−1} + Σ α·ℓ; ``weights`` (N,) is its softmax.
     ``log_evidence`` = log Σ W_{t−1} e^{Σℓ}, untempered. ``beams_used`` counts beams and sightings scored.
     ``reliability`` in [0, 1]: geometric mean likelihood per beam, relative to a beam that fits perfectly.
+    ``hypotheses`` are the heaviest clusters, in falling order of weight; ``injected`` particles of the next step were
+    drawn anew.
     """
 
     step: int
@@ -154,6 +165,8 @@ class StepRecord:
     segment: int
     converged: bool
     reliability: float
+    hypotheses: tuple[Hypothesis, ...] = ()
+    injected: int = 0
 
 
 @final

@@ -16,6 +16,7 @@ class Purpose(IntEnum):
     RECOVERY = 4
     KLD = 5
     SCATTER = 6
+    LOT = 7
 
 
 def stream(seed: int, purpose: Purpose, step: int = 0) -> np.random.Generator:

@@ -8,7 +8,8 @@ import numpy as np
 
 from mclcli import se3
 from mclcli.filter.kld import KldParameters
-from mclcli.filter.localizer import FilterParameters, Localizer
+from mclcli.filter.localizer import Localizer
+from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.start import AroundPose
 from mclcli.io.frames import TransformTree
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters

@@ -9,7 +9,8 @@ import pytest
 
 from mclcli import se2, se3
 from mclcli.filter.kld import KldParameters
-from mclcli.filter.localizer import FilterParameters, Localizer
+from mclcli.filter.localizer import Localizer
+from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.start import AlongPoses, AroundPose
 from mclcli.records import LaserScan, StampedPose
 from mclcli.replay import replay

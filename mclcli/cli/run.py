@@ -63,9 +63,17 @@ DAMAGED = 3
 )
 @click.option(
     "--recovery",
-    type=click.Choice(["off", "uniform"]),
-    help="What to do when readings fit worse than they used to: draw some particles anew, or nothing.",
+    type=click.Choice(["off", "uniform", "locate"]),
+    help="Where particles are drawn anew when readings fit worse than they used to: nowhere, anywhere, or where a "
+    "search finds the readings.",
 )
+@click.option(
+    "--follow-initialpose",
+    is_flag=True,
+    help="Begin anew at every pose that the log's /initialpose states, as the robot did.",
+)
+@click.option("--deskew", is_flag=True, help="Score each beam of a scan from where the robot was at the beam's time.")
+@click.option("--scan-offset", metavar="S", help="Seconds to add to the stamps of laser scans; may be negative.")
 @click.option(
     "--scan", "scans", multiple=True, metavar="TOPIC", help="Laser scan topic; the first one given triggers updates."
 )
@@ -160,7 +168,7 @@ def _set_up(
     arguments: dict[str, Any], recording: Recording, parts: Roles, settings: Settings
 ) -> tuple[OccupancyGrid | None, Setup, Landmarks | None]:
     from mclcli import assemble
-    from mclcli.cli.run_start import read_start, read_window
+    from mclcli.cli.run_start import find_initialpose, read_offset, read_start, read_window
     from mclcli.io.field_cache import cached_field
 
     grid = _find_map(arguments, recording, parts)
@@ -172,6 +180,9 @@ def _set_up(
         landmarks=landmarks,
         settings=settings,
         start=read_start(arguments["init"], recording),
+        follow=find_initialpose(recording) if arguments["follow_initialpose"] else "",
+        deskew=arguments["deskew"],
+        scan_offset_ns=read_offset(arguments["scan_offset"]),
         seed=arguments["seed"],
         temperature=arguments["temperature"],
         mounts=arguments["mounts"],

@@ -109,7 +109,7 @@ def summarise(
             f"odometry {clean(setup.odometry)}: {tally.odometry_gaps} gaps over 1 s, the longest "
             f"{tally.longest_gap_ns * 1e-9:.1f} s; interpolated"
         )
-    lines += _unread(recording)
+    lines += _events_of(setup, tally) + _unread(recording)
     errors = None
     if truth is not None:
         errors = absolute_pose_errors(Trajectory(stamps, track.poses), truth)
@@ -118,6 +118,18 @@ def summarise(
             f"largest {errors.translation.max():.3f} m, at {errors.translation.size} of {errors.total} stamps"
         )
     return Summary(tuple(lines), errors)
+
+
+def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
+    """What happened that a user should know of."""
+    odometry = clean(setup.odometry)
+    told = {
+        f"odometry {odometry}: {{}} jumps, taken for resets and not for motion": tally.odometry_jumps,
+        f"{clean(setup.follow)}: {{}} poses stated, the filter began anew at each": tally.restarts,
+        "time jumped back {} times; the filter began anew in each segment": tally.segments - 1,
+        "{} particles drawn anew": tally.injected,
+    }
+    return [text.format(count) for text, count in told.items() if count]
 
 
 def show(summary: Summary) -> None:

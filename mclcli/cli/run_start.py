@@ -12,7 +12,7 @@ from mclcli.clock import parse_seconds, parse_time
 from mclcli.errors import InputError, UsageError
 from mclcli.filter.particles import DEFAULT_SPREAD
 from mclcli.filter.start import AlongPoses, AroundPose, Start
-from mclcli.quantity import parse_list
+from mclcli.quantity import parse_list, parse_quantity
 from mclcli.records import Odometry, StampedPose
 
 if TYPE_CHECKING:
@@ -71,6 +71,28 @@ def stated_poses(recording: Recording, topic: str) -> list[StampedPose]:
         kind = recording.found.topics[topic].channel.type
         raise InputError(f"topic '{topic}' of type {kind} states no pose that can be used; name another one")
     return stated
+
+
+def find_initialpose(recording: Recording) -> str:
+    """Topic on which an operator told the robot where it was.
+
+    Raises
+    ------
+    UsageError
+        If the log has none.
+
+    """
+    topics = recording.found.of_type("geometry_msgs/msg/PoseWithCovarianceStamped")
+    names = sorted(t.channel.topic for t in topics if t.channel.topic.rpartition("/")[2] == "initialpose")
+    if not names:
+        has = ", ".join(sorted(recording.found.topics)) or "none"
+        raise UsageError(f"--follow-initialpose: the log has no topic named initialpose of stated poses; it has {has}")
+    return min(names, key=len)
+
+
+def read_offset(text: str | None) -> int:
+    """Nanoseconds of --scan-offset."""
+    return 0 if text is None else round(parse_quantity(text, "s", "--scan-offset") * 1e9)
 
 
 def read_window(start: str | None, duration: str | None, first_ns: int) -> tuple[int, int]:

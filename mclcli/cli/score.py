@@ -152,7 +152,7 @@ def _alphas(
     """Temperatures; ``auto`` looks at the beams from the likeliest pose, ``ess`` at equally weighted poses."""
     from mclcli.cli import console
     from mclcli.filter import temperature
-    from mclcli.filter.localizer import uniform_log_weights
+    from mclcli.filter.state import uniform_log_weights
 
     best = poses[int(log_likelihoods.sum(axis=0).argmax())]
     correlations = temperature.observe(measurements, best, {})

@@ -8,12 +8,14 @@ import numpy as np
 
 from mclcli import se2
 from mclcli.filter import clusters
-from mclcli.records import Estimate
+from mclcli.records import Estimate, Hypothesis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _CONVERGED_RADIUS = 0.5  # [m], as nav2_amcl's dist_threshold
+_CONVERGED_SHARE = 0.95  # nav2_amcl asks for all, which some drawn anew would always spoil
+_THINNED = 2000
 
 
 def stated(
@@ -51,6 +53,22 @@ def _covariance(residual: NDArray[np.float64], weights: NDArray[np.float64]) -> 
 
 
 def has_converged(poses: NDArray[np.float64], estimate: Estimate) -> bool:
-    """Whether every particle is within 0.5 m of the estimate in x and in y."""
-    offset = np.abs(poses[:, :2] - estimate.pose[:2])
-    return bool(offset.max() <= _CONVERGED_RADIUS)
+    """Whether 95 % of the particles are within 0.5 m of the estimate in x and in y."""
+    offset = np.abs(poses[:, :2] - estimate.pose[:2]).max(axis=1)
+    return bool(np.count_nonzero(offset <= _CONVERGED_RADIUS) >= _CONVERGED_SHARE * offset.size)
+
+
+def hypotheses(poses: NDArray[np.float64], weights: NDArray[np.float64], most: int) -> tuple[Hypothesis, ...]:
+    """The heaviest clusters of poses (N, 3) with weights (N,), at most so many.
+
+    A large set is thinned to 2,000 equally weighted particles first: clusters of less weight are not worth stating.
+    """
+    if most == 0:
+        return ()
+    if poses.shape[0] > _THINNED:
+        pointers = (np.arange(_THINNED) + 0.5) / _THINNED
+        chosen = np.minimum(np.searchsorted(np.cumsum(weights), pointers), weights.size - 1)
+        poses, weights = poses[chosen], np.full(_THINNED, 1.0 / _THINNED)
+    found = clusters.find(poses, weights)
+    heaviest = zip(found.weights[:most].tolist(), found.means, found.covariances, strict=False)
+    return tuple(Hypothesis(weight, Estimate(mean, covariance)) for weight, mean, covariance in heaviest)

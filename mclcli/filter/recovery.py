@@ -14,11 +14,28 @@ with ℓ untempered and K the beams and sightings scored.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import final
+from typing import TYPE_CHECKING, Protocol, final
 
 from mclcli.errors import UsageError
+from mclcli.filter import particles
 from mclcli.parameters import parameter, validate
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mclcli.motion.odometry import OdometryPath
+    from mclcli.records import StepRecord
+    from mclcli.sensors.observation import Observation
+    from mclcli.world.occupancy import OccupancyGrid
+
+    Propose = Callable[[StepRecord, int, np.random.Generator], NDArray[np.float64]]
+
+_LOG_ZERO = -math.inf
 
 
 @final
@@ -28,8 +45,9 @@ class RecoveryParameters:
 
     recovery: str = parameter(
         "off",
-        "where particles are drawn anew from when readings fit worse: nowhere, or anywhere on the map",
-        choices=("off", "uniform"),
+        "where particles are drawn anew when readings fit worse than they used to: nowhere; anywhere on the map; where "
+        "a search of the map finds the readings",
+        choices=("off", "uniform", "locate"),
     )
     recovery_alpha_slow: float = parameter(
         0.001, "rate of the slow average of how well readings fit; 0: never recover", low=0.0, high=1.0, in_nav2=True
@@ -56,3 +74,88 @@ class RecoveryParameters:
     def enabled(self) -> bool:
         """Whether particles are ever drawn anew."""
         return self.recovery != "off" and self.recovery_alpha_slow > 0.0
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Averages:
+    """log w_slow and log w_fast: the logarithms keep averages of whole likelihoods from vanishing."""
+
+    log_slow: float
+    log_fast: float
+
+    @property
+    def share(self) -> float:
+        """Share of the particles to draw anew, max(0, 1 − w_fast / w_slow), in [0, 1]."""
+        return 0.0 if self.log_fast >= self.log_slow else -math.expm1(self.log_fast - self.log_slow)
+
+
+def observe(averages: Averages | None, log_v: float | None, parameters: RecoveryParameters) -> Averages | None:
+    """Averages after an update that fitted as well as log v says; None before the first, which both start from.
+
+    An update without a usable measurement, log v None, changes nothing.
+    """
+    if log_v is None:
+        return averages
+    if averages is None:
+        return Averages(log_v, log_v)
+    slow, fast = parameters.recovery_alpha_slow, parameters.recovery_alpha_fast
+    return Averages(_mix(averages.log_slow, log_v, slow), _mix(averages.log_fast, log_v, fast))
+
+
+def _mix(log_w: float, log_v: float, alpha: float) -> float:
+    """log((1 − α) w + α v)."""
+    parts = [math.log1p(-alpha) + log_w if alpha < 1.0 else _LOG_ZERO, math.log(alpha) + log_v if alpha else _LOG_ZERO]
+    peak = max(parts)
+    return peak if peak == _LOG_ZERO else peak + math.log(sum(math.exp(part - peak) for part in parts))
+
+
+def log_fit(record: StepRecord, rule: str) -> float | None:
+    """Log v of one update by a rule, None where there is nothing to judge."""
+    if record.degenerate or record.beams_used == 0 or not math.isfinite(record.log_evidence):
+        return None
+    if rule == "normalised":
+        return -math.log(record.weights.size)
+    return record.log_evidence / (record.beams_used if rule == "per_beam" else 1)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Situation:
+    """What a proposal may look at when the robot seems lost.
+
+    ``record`` is the update at hand with all particles; ``observations`` are the readings that were scored in it, the
+    newest last, with their mounts and their places by odometry; ``odom_from_base`` (3,) is where odometry is at the
+    update's stamp, where proposed poses are to hold; ``path`` is the recent odometry.
+    """
+
+    record: StepRecord
+    observations: tuple[Observation, ...]
+    odom_from_base: NDArray[np.float64]
+    path: OdometryPath
+
+
+class Proposal(Protocol):
+    """Says where a lost robot may be: n poses of the base in map at ``situation.record.stamp_ns``.
+
+    Called within a step, after the weights are known and before resampling, and only if particles are to be drawn
+    anew; their share is the caller's business. Must depend on nothing but its arguments, and take all randomness from
+    ``rng``, which belongs to this step. Raising is not expected: without a better idea draw from everywhere.
+    """
+
+    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Poses (n, 3) float64, yaw in (−π, π]."""
+        ...
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class FromAnywhere:
+    """The proposal without an idea: uniform over the free cells of the map."""
+
+    grid: OccupancyGrid
+
+    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Poses (n, 3), whatever the situation."""
+        del situation
+        return particles.uniform(self.grid, n, rng)

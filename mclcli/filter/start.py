@@ -1,10 +1,11 @@
-"""Where the particles are at the first used scan."""
+"""Where the particles are at the first used reading."""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
 from dataclasses import dataclass
+from enum import Enum
 from typing import TYPE_CHECKING, Protocol, final
 
 import numpy as np
@@ -19,17 +20,50 @@ if TYPE_CHECKING:
 
     from mclcli.motion.odometry import OdometryPath
     from mclcli.records import StampedPose
+    from mclcli.sensors.observation import Observation
     from mclcli.world.occupancy import OccupancyGrid
 
 STATED_SPREAD = np.diag(np.square([0.1, 0.1, np.radians(5.0)]))
 _JOINED_WITHIN_NS = 1_000_000_000
 
 
-class Start(Protocol):
-    """A way to place the first particles."""
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Opening:
+    """What a start may look at: every reading since the first one that could begin the run.
 
-    def place(self, stamp_ns: int, path: OdometryPath, n: int, rng: np.random.Generator) -> NDArray[np.float64] | None:
-        """Poses (n, 3) at a stamp, or None if it is too early to start."""
+    ``stamp_ns`` is that reading's stamp, where the particles are to be. ``observations`` are in the order of their
+    stamps, with mounts and places by odometry; the first one is that reading, of the instrument that triggers updates.
+    ``path`` is the odometry since then at least. ``complete`` says that no more readings will come.
+    """
+
+    stamp_ns: int
+    path: OdometryPath
+    observations: tuple[Observation, ...] = ()
+    complete: bool = False
+
+
+@final
+class Patience(Enum):
+    """What a start answers that cannot place particles yet.
+
+    ``SKIP``: not at this stamp; the reading is counted as skipped, and the next one asks again. ``HOLD``: the readings
+    are kept, and the start is asked again with one more, until it answers or they are ``complete``; then the run
+    begins at the first of them, and none is lost.
+    """
+
+    SKIP = "skip"
+    HOLD = "hold"
+
+
+class Start(Protocol):
+    """A way to place the first particles: at the beginning, and again in every segment of a log whose time jumps."""
+
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64] | Patience:
+        """Poses (n, 3) float64 of the base in map at ``opening.stamp_ns``, or what to wait for.
+
+        Must depend on nothing but its arguments, and take all randomness from ``rng``: asked again, it gets the same.
+        """
         ...
 
 
@@ -46,10 +80,28 @@ class AroundPose:
         """Around x, y [m], yaw [rad], with these standard deviations [m], [rad]."""
         return AroundPose(np.array([x, y, yaw]), np.diag(np.square([spread, spread, yaw_spread])))
 
-    def place(self, stamp_ns: int, path: OdometryPath, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Poses (n, 3) around the pose, whatever the stamp."""
-        del stamp_ns, path
+        del opening
         return particles.gaussian(self.pose, self.covariance, n, rng)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class AroundSeveral:
+    """Around several poses (K, 3), each with a covariance (K, 3, 3), and with particles by its weight (K,)."""
+
+    poses: NDArray[np.float64]
+    covariances: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Poses (n, 3), whatever the stamp; each hypothesis gets its share of n to within one particle."""
+        del opening
+        edges = np.round(n * np.cumsum(self.weights) / np.sum(self.weights)).astype(int)
+        shares = np.diff(edges, prepend=0)
+        groups = zip(self.poses, self.covariances, shares.tolist(), strict=True)
+        return np.concatenate([particles.gaussian(pose, spread, share, rng) for pose, spread, share in groups])
 
 
 @final
@@ -59,10 +111,21 @@ class Anywhere:
 
     grid: OccupancyGrid
 
-    def place(self, stamp_ns: int, path: OdometryPath, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
         """Poses (n, 3) over the whole map, whatever the stamp."""
-        del stamp_ns, path
+        del opening
         return particles.uniform(self.grid, n, rng)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class WhenTold:
+    """Nowhere: the run begins with the first pose that the log's own operator states (see ``Setup.follow``)."""
+
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> Patience:
+        """Wait, reading by reading."""
+        del opening, n, rng
+        return Patience.SKIP
 
 
 @final
@@ -73,21 +136,26 @@ class AlongPoses:
         self._stated = sorted(stated, key=lambda pose: pose.stamp_ns)
         self._stamps = [pose.stamp_ns for pose in self._stated]
 
-    def place(self, stamp_ns: int, path: OdometryPath, n: int, rng: np.random.Generator) -> NDArray[np.float64] | None:
-        """Poses (n, 3) around the last stated pose carried on to the stamp; None before the first one."""
-        after = bisect_right(self._stamps, stamp_ns)
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64] | Patience:
+        """Poses (n, 3) around the last stated pose carried on to the stamp; too early before the first one."""
+        after = bisect_right(self._stamps, opening.stamp_ns)
         if after == 0:
-            return None
-        last = self._stated[after - 1]
-        covariance = STATED_SPREAD if last.covariance is None else last.covariance
-        return particles.gaussian(self._carry(after, stamp_ns, path), covariance, n, rng)
-
-    def _carry(self, after: int, stamp_ns: int, path: OdometryPath) -> NDArray[np.float64]:
-        """Between two poses less than 1 s apart by interpolation, else by odometry where it reaches back so far."""
-        last = self._stated[after - 1]
+            return Patience.SKIP
+        stamp_ns, path, last = opening.stamp_ns, opening.path, self._stated[after - 1]
         if after < len(self._stated) and self._stamps[after] - last.stamp_ns <= _JOINED_WITHIN_NS:
             fraction = (stamp_ns - last.stamp_ns) / (self._stamps[after] - last.stamp_ns)
-            return se2.interpolate(last.pose, self._stated[after].pose, fraction)
-        if path.covers(last.stamp_ns):
-            return se2.compose(last.pose, se2.between(path.at(last.stamp_ns), path.at(stamp_ns)))
-        return last.pose
+            pose = se2.interpolate(last.pose, self._stated[after].pose, fraction)
+            return particles.gaussian(pose, spread_of(last), n, rng)
+        return particles.gaussian(carried(last, stamp_ns, path), spread_of(last), n, rng)
+
+
+def spread_of(stated: StampedPose) -> NDArray[np.float64]:
+    """Covariance (3, 3) of a stated pose: its own, or 0.1 m and 5° where it has none that could be used."""
+    return STATED_SPREAD if stated.covariance is None else stated.covariance
+
+
+def carried(stated: StampedPose, stamp_ns: int, path: OdometryPath) -> NDArray[np.float64]:
+    """A stated pose (3,) moved on to a stamp, by odometry where it reaches back so far."""
+    if not path.covers(stated.stamp_ns) or not path.covers(stamp_ns):
+        return stated.pose
+    return se2.compose(stated.pose, se2.between(path.at(stated.stamp_ns), path.at(stamp_ns)))

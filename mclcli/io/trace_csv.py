@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mclcli.records import StepRecord
 
 _ROWS = 4096  # formatted at once: bounds the memory that a million particles take
+HYPOTHESES = 2  # clusters with columns of their own
 
 
 @final
@@ -80,8 +81,9 @@ class TraceCsv:
 
 @final
 class StepsCsv:
-    """A row per update: ``step,stamp,n,ess,log_evidence,alpha_<sensor>…,resampled,…,reliability``; bools are 0 or 1.
+    """A row per update: ``step,stamp,n,ess,log_evidence,alpha_<sensor>…,resampled,…``; bools are 0 or 1.
 
+    The two heaviest clusters come last, with empty fields where there are not so many.
     ``sensors`` as for ``TraceCsv``.
     """
 
@@ -112,9 +114,10 @@ class StepsCsv:
             *(f"{alphas[name]:.9g}" if name in alphas else "" for name in sensors),
             f"{record.resampled:d},{record.degenerate:d},{record.beams_used},{x:.9f},{y:.9f},{yaw:.9f}",
             covariance_text(record.estimate.covariance),
-            f"{record.segment},{record.converged:d},{record.reliability:.9g}\n",
+            f"{record.segment},{record.converged:d},{record.reliability:.9g},{record.injected}",
+            *(_hypothesis_text(record, number) for number in range(HYPOTHESES)),
         ]
-        self._stream.write(_without_unusable(",".join(fields)))
+        self._stream.write(_without_unusable(",".join(fields)) + "\n")
 
     def close(self) -> None:
         """Write the header if no record did."""
@@ -126,9 +129,21 @@ class StepsCsv:
         if not self._started:
             self._started = True
             alphas = (f"alpha_{name}" for name in self._sensors)
-            tail = f"resampled,degenerate,beams_used,x,y,yaw,{COVARIANCE_COLUMNS},segment,converged,reliability\n"
-            self._stream.write(",".join(["step,stamp,n,ess,log_evidence", *alphas, tail]))
+            tail = (
+                f"resampled,degenerate,beams_used,x,y,yaw,{COVARIANCE_COLUMNS},segment,converged,reliability,injected"
+            )
+            places = (f"weight_{i},x_{i},y_{i},yaw_{i}" for i in range(1, HYPOTHESES + 1))
+            self._stream.write(",".join(["step,stamp,n,ess,log_evidence", *alphas, tail, *places]) + "\n")
         return self._sensors
+
+
+def _hypothesis_text(record: StepRecord, number: int) -> str:
+    if number >= len(record.hypotheses):
+        return ",,,"
+    hypothesis = record.hypotheses[number]
+    require_finite("hypothesis", hypothesis.estimate.pose)
+    x, y, yaw = hypothesis.estimate.pose.tolist()
+    return f"{hypothesis.weight:.9g},{x:.9f},{y:.9f},{yaw:.9f}"
 
 
 def metadata_line(metadata: Mapping[str, object]) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, final
 
+import numpy as np
+
 from mclcli import se2, se3
 from mclcli.io import trace_messages as messages
 from mclcli.io.chunked_mcap import ROSBAG2, ChunkedMcap, ros2_stream
@@ -25,6 +27,7 @@ _TYPES = {
     "/particle_cloud": "nav2_msgs/msg/ParticleCloud",
     "/particlecloud": "geometry_msgs/msg/PoseArray",
     "/mcl/step": "mcl_msgs/msg/Step",
+    "/mcl/hypotheses": "nav2_msgs/msg/ParticleCloud",
     "/scan": "sensor_msgs/msg/LaserScan",
 }
 _STREAMS = {
@@ -133,9 +136,12 @@ class TraceMcap:
         require_finite("covariance", record.estimate.covariance)
         stamp, frame = record.stamp_ns, self._map
         poses = messages.rounded_poses(record.poses)
+        places = messages.planar_poses(np.array([h.estimate.pose for h in record.hypotheses]).reshape(-1, 3))
+        shares = np.array([h.weight for h in record.hypotheses])
         return [
             ("/amcl_pose", messages.pose_with_covariance(stamp, frame, record.estimate)),
             ("/mcl/step", messages.step(record, frame)),
+            ("/mcl/hypotheses", messages.particle_cloud(stamp, frame, places, shares)),
             # The cloud repeats the array's bytes: in this order, next to each other, the two compress best.
             ("/particlecloud", messages.pose_array(stamp, frame, poses)),
             ("/particle_cloud", messages.particle_cloud(stamp, frame, poses, record.weights)),

@@ -2,30 +2,74 @@
 
 from __future__ import annotations
 
-from bisect import bisect_left
+import math
+from bisect import bisect_left, bisect_right
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
+import numpy as np
+
 from mclcli import se2
+from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
+
+_SLACK_M, _SLACK_RAD = 0.25, 0.5  # what two samples may differ by however close their stamps are
 
 
 @final
-class OdometryPath:
-    """Recent odometry, growing at its end; constant twist between samples, never extrapolated."""
+@dataclass(frozen=True, slots=True)
+class OdometryParameters:
+    """What odometry is believed."""
 
-    def __init__(self) -> None:
-        self._stamps: list[int] = []
-        self._poses: list[NDArray[np.float64]] = []
+    odom_max_speed: float = parameter(
+        10.0, "a faster step of the odometry is a reset or a jump, not motion; 0: believe all", unit="m/s", low=0.0
+    )
+    odom_max_turn: float = parameter(
+        15.0, "a step that turns faster is a reset or a jump, not motion; 0: believe all", unit="rad/s", low=0.0
+    )
+
+    def __post_init__(self) -> None:
+        validate(self)
+
+    def is_jump(self, step: NDArray[np.float64], seconds: float) -> bool:
+        """Whether a step (3,) in so many seconds cannot be motion."""
+        speed, turn = self.odom_max_speed or math.inf, self.odom_max_turn or math.inf
+        moved, turned = math.hypot(step[0], step[1]), abs(float(step[2]))
+        return moved > max(_SLACK_M, speed * seconds) or turned > max(_SLACK_RAD, turn * seconds)
+
+
+@final
+@dataclass(slots=True)
+class OdometryPath:
+    """Recent odometry, growing at its end; constant twist between samples, never extrapolated.
+
+    Where odometry jumps (a reset, a slip of the driver's numbers) the path stands still for that step and goes on:
+    ``at`` is continuous, ``recorded`` is what the log says, ``jumps`` counts. By default every step is believed.
+    """
+
+    parameters: OdometryParameters = field(default_factory=lambda: OdometryParameters(0.0, 0.0))
+    jumps: int = 0
+    _stamps: list[int] = field(default_factory=list)
+    _poses: list[NDArray[np.float64]] = field(default_factory=list)
+    _origins: list[NDArray[np.float64] | None] = field(default_factory=list)
 
     def append(self, stamp_ns: int, odom_from_base: NDArray[np.float64]) -> bool:
         """Add a sample (3,); returns False, and leaves it out, if it is not newer than the last one."""
-        if self._stamps and stamp_ns <= self._stamps[-1]:
+        if not self._stamps:
+            self._add(stamp_ns, odom_from_base, None)
+            return True
+        if stamp_ns <= self._stamps[-1]:
             return False
-        self._stamps.append(stamp_ns)
-        self._poses.append(odom_from_base)
+        origin = self._origins[-1]
+        pose = odom_from_base if origin is None else se2.compose(se2.inverse(origin), odom_from_base)
+        step = se2.between(self._poses[-1], pose)
+        if self.parameters.is_jump(step, (stamp_ns - self._stamps[-1]) * 1e-9):
+            self.jumps += 1
+            pose = self._poses[-1]
+            origin = se2.compose(odom_from_base, se2.inverse(pose))
+        self._add(stamp_ns, pose, origin)
         return True
 
     @property
@@ -50,8 +94,26 @@ class OdometryPath:
         fraction = (stamp_ns - before_ns) / (after_ns - before_ns)
         return se2.interpolate(self._poses[after - 1], self._poses[after], fraction)
 
+    def along(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Poses (K, 3) at stamps (K,) within the span."""
+        known = np.array(self._stamps, dtype=np.int64)
+        after = np.clip(np.searchsorted(known, stamps_ns), 1, known.size - 1)
+        poses = np.array(self._poses)
+        fraction = (stamps_ns - known[after - 1]) / (known[after] - known[after - 1])
+        return se2.interpolate(poses[after - 1], poses[after], fraction)
+
+    def recorded(self, stamp_ns: int) -> NDArray[np.float64]:
+        """Pose (3,) at a stamp within the span in the log's own odometry frame, with its jumps."""
+        origin = self._origins[bisect_right(self._stamps, stamp_ns) - 1]
+        return self.at(stamp_ns) if origin is None else se2.compose(origin, self.at(stamp_ns))
+
     def forget_before(self, stamp_ns: int) -> None:
         """Drop samples that no stamp from here on needs."""
         keep = bisect_left(self._stamps, stamp_ns) - 1
         if keep > 0:
-            del self._stamps[:keep], self._poses[:keep]
+            del self._stamps[:keep], self._poses[:keep], self._origins[:keep]
+
+    def _add(self, stamp_ns: int, pose: NDArray[np.float64], origin: NDArray[np.float64] | None) -> None:
+        self._stamps.append(stamp_ns)
+        self._poses.append(pose)
+        self._origins.append(origin)

@@ -12,9 +12,13 @@ from mclcli.errors import InputError
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from mclcli.records import LaserScan
+
+    Sweep = Callable[[NDArray[np.int64]], NDArray[np.float64]]  # beams' numbers (K,) to poses (K, 3) of the base
 
 
 @final
@@ -119,8 +123,13 @@ def maximum_range(scan: LaserScan, selection: BeamSelection) -> float:
     return min(limits)
 
 
-def select(scan: LaserScan, base_from_sensor: NDArray[np.float64], selection: BeamSelection) -> Beams:
-    """Beams of a scan to score, through the sensor's mount (4, 4) with its full 3-D rotation."""
+def select(
+    scan: LaserScan, base_from_sensor: NDArray[np.float64], selection: BeamSelection, sweep: Sweep | None = None
+) -> Beams:
+    """Beams of a scan to score, through the sensor's mount (4, 4) with its full 3-D rotation.
+
+    ``sweep`` says where the base was at each beam, seen from the base that the beams are wanted for.
+    """
     r_max = maximum_range(scan, selection)
     ranges = _prepared(scan, selection, r_max)
     valid = ~np.isnan(ranges)
@@ -128,9 +137,23 @@ def select(scan: LaserScan, base_from_sensor: NDArray[np.float64], selection: Be
     chosen = chosen[valid[chosen]]
     directions = _directions(scan, base_from_sensor, chosen, selection)
     origins = np.broadcast_to(base_from_sensor[:2, 3], directions.shape)
+    if sweep is not None:
+        origins, directions = _swept(origins, directions, sweep(chosen))
     spread = selection.laser_max_range if selection.range_of_rand == "parameter" else r_max
     beams = Beams(origins, directions, ranges[chosen], spread, chosen, slots)
     return _from_base(beams) if selection.beam_origin == "base" else beams
+
+
+def _swept(
+    origins: NDArray[np.float64], directions: NDArray[np.float64], bases: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Origins and directions (K, 2) of beams, each from a base of its own (K, 3)."""
+    c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
+
+    def turned(v: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]], axis=-1)
+
+    return bases[:, :2] + turned(origins), turned(directions)
 
 
 def _from_base(beams: Beams) -> Beams:

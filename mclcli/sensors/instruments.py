@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mclcli.sensors.beams import Beams, BeamSelection
+    from mclcli.sensors.beams import Beams, BeamSelection, Sweep
     from mclcli.sensors.bearing import BearingModel
     from mclcli.world.landmarks import Landmarks
 
@@ -39,8 +39,13 @@ class Instrument(Protocol):
         """Why a reading cannot be used, empty if it can."""
         ...
 
-    def measure(self, reading: Reading, base_from_sensor: NDArray[np.float64]) -> Measurement:
-        """Measurement of a reading, through the sensor's mount (4, 4) on the base at the update's stamp."""
+    def measure(
+        self, reading: Reading, base_from_sensor: NDArray[np.float64], sweep: Sweep | None = None
+    ) -> Measurement:
+        """Measurement of a reading, through the sensor's mount (4, 4) on the base at the update's stamp.
+
+        With ``sweep`` the mount is that on the base at each beam's time, see ``beams.select``.
+        """
         ...
 
 
@@ -72,10 +77,13 @@ class Lidar:
             return f"scan with angle_increment {reading.angle_increment:g}"
         return "" if np.isfinite([reading.angle_min, reading.angle_increment]).all() else "scan with angles not finite"
 
-    def measure(self, reading: Reading, base_from_sensor: NDArray[np.float64]) -> Measurement:
+    def measure(
+        self, reading: Reading, base_from_sensor: NDArray[np.float64], sweep: Sweep | None = None
+    ) -> Measurement:
         """Measurement of a scan."""
         assert isinstance(reading, LaserScan)  # noqa: S101 - see problem()
-        return self.model.measure(self.name, beams.select(reading, base_from_sensor, self.selection), self.alpha)
+        chosen = beams.select(reading, base_from_sensor, self.selection, sweep)
+        return self.model.measure(self.name, chosen, self.alpha)
 
 
 @final
@@ -94,8 +102,11 @@ class Camera:
             return "not a sighting of landmarks"
         return "" if np.isfinite(reading.rays).all() else "sighting with a position that is not finite"
 
-    def measure(self, reading: Reading, base_from_sensor: NDArray[np.float64]) -> Measurement:
-        """Measurement of the sightings in one image."""
+    def measure(
+        self, reading: Reading, base_from_sensor: NDArray[np.float64], sweep: Sweep | None = None
+    ) -> Measurement:
+        """Measurement of the sightings in one image, made at one moment."""
+        del sweep
         assert isinstance(reading, LandmarkSightings)  # noqa: S101 - see problem()
         return self.model.measure(self.name, bearing.observe(reading, base_from_sensor, self.landmarks), self.alpha)
 

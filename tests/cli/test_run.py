@@ -33,7 +33,8 @@ if TYPE_CHECKING:
 COVARIANCE = ["cov_xx", "cov_xy", "cov_xyaw", "cov_yy", "cov_yyaw", "cov_yawyaw"]
 TRACK = ["stamp", "x", "y", "yaw", *COVARIANCE, "updated", "segment"]
 FACTS = ["step", "stamp", "n", "ess", "log_evidence", "alpha_lidar", "resampled", "degenerate", "beams_used"]
-STEPS = [*FACTS, "x", "y", "yaw", *COVARIANCE, "segment", "converged", "reliability"]
+PLACES = [f"{name}_{number}" for number in (1, 2) for name in ("weight", "x", "y", "yaw")]
+STEPS = [*FACTS, "x", "y", "yaw", *COVARIANCE, "segment", "converged", "reliability", "injected", *PLACES]
 WEIGHTS = ["step", "stamp", "particle", "x", "y", "yaw", "log_lidar", "log_weight", "weight"]
 SCANS = 96  # in 12 s at 8 Hz
 

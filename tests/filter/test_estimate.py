@@ -89,11 +89,34 @@ def test_far_origins_cost_the_covariance_nothing() -> None:
     np.testing.assert_allclose(far, near, rtol=1e-4)
 
 
-def test_a_cloud_has_converged_once_all_are_within_half_a_metre() -> None:
+def test_a_cloud_has_converged_once_nearly_all_are_within_half_a_metre() -> None:
     poses = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, 2.0], [0.0, -0.4, 1.0]])
     centre = estimate.weighted_mean(poses, np.array([1.0, 0.0, 0.0]))
     assert estimate.has_converged(poses, centre)
     assert not estimate.has_converged(np.vstack([poses, [[0.0, 0.6, 0.0]]]), centre)
+    assert estimate.has_converged(np.vstack([poses] * 19 + [[[0.0, 9.0, 0.0]] * 3]), centre)
+    assert not estimate.has_converged(np.vstack([poses] * 19 + [[[0.0, 9.0, 0.0]] * 4]), centre)
+
+
+def test_the_heaviest_clusters_are_the_hypotheses() -> None:
+    near = np.random.default_rng(5).normal(0.0, 0.01, (100, 3))
+    centres = np.repeat([[0.25, 0.25, 0.1], [5.25, 0.25, 0.1], [0.25, 7.25, -3.1]], [100, 30, 60], axis=0)
+    poses = np.vstack([near, near[:30], near[:60]]) + centres
+    weights = np.concatenate([np.full(100, 0.002), np.full(30, 0.01), np.full(60, 0.5 / 60)])
+    found = estimate.hypotheses(poses, weights / weights.sum(), 2)
+    assert [h.weight for h in found] == pytest.approx([0.5, 0.3], abs=1e-9)
+    np.testing.assert_allclose([h.estimate.pose for h in found], [[0.25, 7.25, -3.1], [5.25, 0.25, 0.1]], atol=0.01)
+    assert estimate.hypotheses(poses, weights / weights.sum(), 0) == ()
+
+
+def test_of_a_large_set_hypotheses_are_those_of_an_even_choice() -> None:
+    rng = np.random.default_rng(6)
+    poses = np.vstack([rng.normal(0.25, 0.01, (30_000, 3)), rng.normal(9.25, 0.01, (10_000, 3))])
+    poses[:, 2] = 0.1
+    weights = np.concatenate([np.full(30_000, 0.4 / 30_000), np.full(10_000, 0.6 / 10_000)])
+    first, second = estimate.hypotheses(poses, weights, 5)
+    assert (first.weight, second.weight) == pytest.approx((0.6, 0.4), abs=1e-3)
+    np.testing.assert_allclose(first.estimate.pose, [9.25, 9.25, 0.1], atol=1e-3)
 
 
 @pytest.mark.parametrize(

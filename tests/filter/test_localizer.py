@@ -12,8 +12,10 @@ from hypothesis import strategies as st
 
 from mclcli import rng
 from mclcli.filter.kld import KldParameters
-from mclcli.filter.localizer import FilterParameters, FilterState, Localizer, initial_state, uniform_log_weights
+from mclcli.filter.localizer import Localizer
+from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.resampling import RESAMPLERS
+from mclcli.filter.state import FilterState, initial_state, uniform_log_weights
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.rng import Purpose, stream
 from mclcli.sensors import Measurement

@@ -11,7 +11,16 @@ import pytest
 from mclcli import se2
 from mclcli.errors import InputError
 from mclcli.filter import lattice, particles
-from mclcli.filter.start import STATED_SPREAD, AlongPoses, Anywhere, AroundPose
+from mclcli.filter.start import (
+    STATED_SPREAD,
+    AlongPoses,
+    Anywhere,
+    AroundPose,
+    AroundSeveral,
+    Opening,
+    Patience,
+    WhenTold,
+)
 from mclcli.motion.odometry import OdometryPath
 from mclcli.records import StampedPose
 from tests.support import SECOND
@@ -58,14 +67,29 @@ def test_uniform_particles_fill_free_cells_only_and_evenly() -> None:
 
 def test_a_map_without_a_free_cell_is_an_error() -> None:
     with pytest.raises(InputError, match="no cell is free"):
-        Anywhere(drawn("#?\n##")).place(0, EMPTY, 10, generator())
+        Anywhere(drawn("#?\n##")).place(Opening(0, EMPTY), 10, generator())
 
 
 def test_around_a_pose_holds_at_any_stamp() -> None:
     start = AroundPose(np.array([1.0, 2.0, 0.5]), particles.DEFAULT_SPREAD)
-    first, later = (start.place(stamp, EMPTY, 500, generator()) for stamp in (0, 10**18))
+    first, later = (start.place(Opening(stamp, EMPTY), 500, generator()) for stamp in (0, 10**18))
     assert first.tobytes() == later.tobytes()
     np.testing.assert_allclose(first.std(axis=0), [0.5, 0.5, math.radians(15)], rtol=0.15)
+
+
+def test_several_hypotheses_share_the_particles_by_their_weights() -> None:
+    poses = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 1.0], [0.0, 10.0, -1.0]])
+    spreads = np.array([np.diag([0.01, 0.01, 0.001]), np.zeros((3, 3)), np.diag([0.04, 0.0, 0.0])])
+    cloud = AroundSeveral(poses, spreads, np.array([1.0, 2.0, 1.0])).place(Opening(0, EMPTY), 1001, generator())
+    assert cloud.shape == (1001, 3)
+    nearest = np.argmin(np.hypot(*(cloud[:, np.newaxis, :2] - poses[:, :2]).transpose(2, 0, 1)), axis=1)
+    assert np.abs(np.bincount(nearest) - 1001 * np.array([0.25, 0.5, 0.25])).max() <= 1.0
+    assert (cloud[nearest == 1] == poses[1]).all()
+    np.testing.assert_allclose(cloud[nearest == 0].std(axis=0), np.sqrt([0.01, 0.01, 0.001]), rtol=0.2)
+
+
+def test_a_robot_that_waits_to_be_told_starts_nowhere() -> None:
+    assert WhenTold().place(Opening(0, EMPTY), 3, generator()) is Patience.SKIP
 
 
 def stated(seconds: float, *pose: float, covariance: NDArray[np.float64] | None = None) -> StampedPose:
@@ -77,14 +101,14 @@ EXACTLY = np.zeros((3, 3))
 
 def test_before_the_first_stated_pose_there_is_no_start() -> None:
     start = AlongPoses([stated(5, 1, 2, 3)])
-    assert start.place(5 * SECOND - 1, EMPTY, 3, generator()) is None
-    assert start.place(5 * SECOND, EMPTY, 3, generator()) is not None
+    assert start.place(Opening(5 * SECOND - 1, EMPTY), 3, generator()) is Patience.SKIP
+    assert isinstance(start.place(Opening(5 * SECOND, EMPTY), 3, generator()), np.ndarray)
 
 
 def test_between_two_close_stated_poses_the_start_is_interpolated() -> None:
     start = AlongPoses([stated(1.5, 2, 0, 0.2), stated(1, 1, 0, 0, covariance=EXACTLY)])
-    cloud = start.place(int(1.25 * SECOND), EMPTY, 2, generator())
-    assert cloud is not None
+    cloud = start.place(Opening(int(1.25 * SECOND), EMPTY), 2, generator())
+    assert isinstance(cloud, np.ndarray)
     np.testing.assert_allclose(cloud[0], se2.interpolate([1, 0, 0], [2, 0, 0.2], 0.5), atol=1e-12)
 
 
@@ -93,14 +117,14 @@ def test_a_lone_stated_pose_is_carried_on_by_odometry() -> None:
     path.append(0, np.array([10.0, 0.0, 0.0]))
     path.append(4 * SECOND, np.array([14.0, 0.0, 0.0]))
     start = AlongPoses([stated(1, 5, 5, math.pi / 2, covariance=EXACTLY)])
-    cloud = start.place(3 * SECOND, path, 2, generator())
-    assert cloud is not None
+    cloud = start.place(Opening(3 * SECOND, path), 2, generator())
+    assert isinstance(cloud, np.ndarray)
     np.testing.assert_allclose(cloud[0], [5.0, 7.0, math.pi / 2], atol=1e-12)
 
 
 def test_a_stated_pose_without_covariance_is_taken_as_good() -> None:
-    cloud = AlongPoses([stated(0, 0, 0, 0)]).place(0, EMPTY, 5000, generator())
-    assert cloud is not None
+    cloud = AlongPoses([stated(0, 0, 0, 0)]).place(Opening(0, EMPTY), 5000, generator())
+    assert isinstance(cloud, np.ndarray)
     np.testing.assert_allclose(np.cov(cloud.T), STATED_SPREAD, atol=0.001)
 
 

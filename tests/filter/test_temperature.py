@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli.filter import temperature
-from mclcli.filter.localizer import uniform_log_weights
+from mclcli.filter.state import uniform_log_weights
 from mclcli.filter.temperature import Correlation, conditional_ess, correlate, largest_alpha
 from mclcli.sensors import Measurement
 

@@ -11,7 +11,7 @@ import pytest
 
 from mclcli.io.trace_csv import StepsCsv, TraceCsv
 from mclcli.io.track_file import TrackCsv
-from mclcli.records import Estimate
+from mclcli.records import Estimate, Hypothesis
 from tests.io.traces import point, record
 
 if TYPE_CHECKING:
@@ -100,7 +100,8 @@ def test_steps_have_every_column() -> None:
     writer.close()
     assert stream.getvalue().startswith(
         "step,stamp,n,ess,log_evidence,alpha_lidar,alpha_vision,resampled,degenerate,beams_used,x,y,yaw,"
-        "cov_xx,cov_xy,cov_xyaw,cov_yy,cov_yyaw,cov_yawyaw,segment,converged,reliability\n"
+        "cov_xx,cov_xy,cov_xyaw,cov_yy,cov_yyaw,cov_yawyaw,segment,converged,reliability,injected,"
+        "weight_1,x_1,y_1,yaw_1,weight_2,x_2,y_2,yaw_2\n"
     )
     first, second = csv.DictReader(stream.getvalue().splitlines())
     assert first["stamp"] == "1318384871.750000001"
@@ -108,7 +109,25 @@ def test_steps_have_every_column() -> None:
     assert (first["resampled"], first["degenerate"], first["converged"]) == ("0", "1", "1")
     assert float(first["cov_xyaw"]) == pytest.approx(made.estimate.covariance[0, 2], rel=1e-8)
     assert float(first["cov_yyaw"]) == pytest.approx(made.estimate.covariance[1, 2], rel=1e-8)
+    assert (first["injected"], first["weight_1"], first["yaw_2"]) == ("0", "", "")
     assert (second["alpha_lidar"], second["alpha_vision"]) == ("0.3", "")
+
+
+def test_steps_state_the_two_heaviest_clusters() -> None:
+    stream = io.StringIO()
+    places = [Hypothesis(w, Estimate(np.array([w, -w, 2 * w]), np.eye(3))) for w in (0.5, 0.375, 0.125)]
+    writer = StepsCsv(stream)
+    writer.write(record(hypotheses=tuple(places), injected=7))
+    writer.write(record(hypotheses=tuple(places[:1])))
+    first, second = csv.DictReader(stream.getvalue().splitlines())
+    assert first["injected"] == "7"
+    assert [first[f"{name}_2"] for name in ("weight", "x", "y", "yaw")] == [
+        "0.375",
+        "0.375000000",
+        "-0.375000000",
+        "0.750000000",
+    ]
+    assert (second["weight_1"], second["weight_2"], second["yaw_2"]) == ("0.5", "", "")
 
 
 def test_tracks_say_what_was_updated() -> None:

@@ -108,7 +108,7 @@ def _planar(pose: Any) -> list[float]:
 def test_order_and_times(read: Any) -> None:
     found = read(_file())
     ours = ["/tf", "/mcl/pose", "/scan"]
-    update = ["/amcl_pose", "/mcl/step", "/particlecloud", "/particle_cloud"]
+    update = ["/amcl_pose", "/mcl/step", "/mcl/hypotheses", "/particlecloud", "/particle_cloud"]
     expected = ["/map", "/tf_static", "/tf", *ours, *update, "/tf", *ours, "/tf", *ours, *update]
     assert [topic for topic, _, _ in found] == expected
     assert {time for _, time, _ in found} == {point(step).stamp_ns for step in range(3)}
@@ -253,7 +253,7 @@ def test_channels_schemas_metadata_and_attachment() -> None:
         assert (channel.message_encoding, schema.encoding) == ("cdr", "ros2msg")
         latched = channel.topic in {"/map", "/tf_static"}
         assert f"durability: {1 if latched else 2}" in channel.metadata["offered_qos_profiles"]
-    assert len(summary.channels) == 9
+    assert len(summary.channels) == 10
     assert len(summary.schemas) == 8
     metadata = {record.name: record.metadata for record in reader.iter_metadata()}
     assert metadata["mcl"]["version"] == "1.2"

@@ -1,0 +1,63 @@
+"""The filter's own parameters: its rhythm, and what it states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
+
+from mclcli.filter.resampling import RESAMPLERS
+from mclcli.parameters import parameter, validate
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class FilterParameters:
+    """Rhythm of the filter, and what it states."""
+
+    resampler: str = parameter("systematic", "how ancestors are drawn", choices=tuple(RESAMPLERS))
+    resample_ess: float = parameter(
+        0.5,
+        "resample when the effective sample size falls below this share of the particles; 1: whatever it is",
+        low=0.0,
+        high=1.0,
+    )
+    resample_interval: int = parameter(1, "resample at every so many updates at most", low=1, in_nav2=True)
+    resample_moved: bool = parameter(
+        False, "resample only if the robot has moved since the last time (10 cm or 0.1 rad of way in all)"
+    )
+    ess_target: float = parameter(
+        0.05, "share of the sample that temperature `ess` leaves at least; below resample_ess", above=0.0, high=1.0
+    )
+    estimate: str = parameter(
+        "before",
+        "the estimate is of the weighted set before resampling, or of the set after",
+        choices=("before", "after"),
+    )
+    estimate_mean: str = parameter(
+        "set", "the pose stated is the mean of the whole set, or of its heaviest cluster", choices=("set", "heaviest")
+    )
+    estimate_covariance: str = parameter(
+        "set",
+        "the covariance stated is that of the whole set, or of its heaviest cluster",
+        choices=("set", "heaviest"),
+    )
+    hypotheses: int = parameter(
+        4, "clusters of particles stated at every update, the heaviest first; 0: none", low=0, high=100
+    )
+    degenerate: str = parameter(
+        "carry",
+        "where no weight is left, the carried ones stay, or all become equal",
+        choices=("carry", "uniform"),
+    )
+    gate: str = parameter(
+        "euclidean",
+        "update_min_d is a distance, or bounds x and y of the odometry frame each",
+        choices=("euclidean", "per_axis"),
+    )
+    update_min_d: float = parameter(0.25, "motion that calls for an update", unit="m", low=0.0, in_nav2=True)
+    update_min_a: float = parameter(0.2, "turn that calls for an update", unit="rad", low=0.0, in_nav2=True)
+    vision_min_d: float = parameter(0.02, "the same in runs without a lidar", unit="m", low=0.0)
+    vision_min_a: float = parameter(0.02, "the same in runs without a lidar", unit="rad", low=0.0)
+
+    def __post_init__(self) -> None:
+        validate(self)
