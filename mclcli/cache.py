@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
+import tempfile
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 
 def cache_root() -> Path:
@@ -33,3 +39,26 @@ def make_private(folder: Path) -> None:
         raise PermissionError(0, "it belongs to another user")
     if not os.access(folder, os.W_OK):
         raise PermissionError(0, "it is not writable")
+
+
+def write_whole(path: Path, parts: Iterable[bytes | memoryview]) -> None:
+    """Write a file of the user's own (mode 0600) beside its place and move it there: nobody ever sees half of it.
+
+    Raises
+    ------
+    OSError
+        If its folder cannot be made or written, or is somebody else's.
+
+    """
+    make_private(path.parent)
+    handle, name = tempfile.mkstemp(prefix=".new-", dir=path.parent)  # mode 0600
+    try:
+        with os.fdopen(handle, "wb") as file:
+            file.writelines(parts)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            Path(name).unlink()
+        raise

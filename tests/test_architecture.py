@@ -80,6 +80,7 @@ def test_the_contracts_of_the_house_hold() -> None:
         ("click", ("cli/",)),
         ("rich", ("cli/",)),
         ("numba", ("kernels/", "compiled.py")),
+        ("llvmlite", ("compiled.py", "machine_code.py")),
         ("platformdirs", ("cache.py",)),
         ("pickle", ()),
         ("evo", ()),
@@ -89,7 +90,9 @@ def test_a_library_is_known_in_its_room_only(library: str, allowed: tuple[str, .
     assert not {name for name in importers(library) if not name.startswith(allowed)}
 
 
-@pytest.mark.parametrize("library", ["numba", "scipy", "mcap", "rosbags", "PIL", "ruamel", "rich", "mclcli.kernels"])
+@pytest.mark.parametrize(
+    "library", ["numba", "llvmlite", "scipy", "mcap", "rosbags", "PIL", "ruamel", "rich", "mclcli.kernels"]
+)
 def test_what_is_slow_to_import_waits_until_it_is_needed(library: str) -> None:
     path = ("kernels/", "io/logs/", "io/", "render/", "cli/")  # rooms that are themselves imported late
     early = {name for name in importers(library) if any(m.startswith(library) for m in top_level(TREES[name]))}

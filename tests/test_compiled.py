@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import math
 import os
+import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from mclcli import cache, compiled
+from mclcli import cache, compiled, machine_code
 from mclcli.errors import AmbiguousResult, InputError, MclError, ThresholdMissed, UsageError, nearest_name
+
+LENGTH = str(2.0 + math.sqrt(2.0) - 1.0 + math.sqrt(2.0))
+KERNELS = Path(compiled.__file__).parent / "kernels"
 
 
 def test_the_choice_is_a_function_of_the_jobs_size() -> None:
@@ -17,14 +23,85 @@ def test_the_choice_is_a_function_of_the_jobs_size() -> None:
 
 
 def test_kernels_are_loaded_once_and_kept_where_the_cache_is() -> None:
-    import numba
-
-    kernel = compiled.load("brushfire")
-    assert compiled.load("brushfire") is kernel
-    assert kernel.__name__ == "mclcli.kernels.brushfire"
-    folder = Path(numba.config.CACHE_DIR)  # type: ignore[attr-defined]
+    assert compiled.load("brushfire") is compiled.load("brushfire")
+    folder = compiled.kernel_folder()
+    assert folder.parent == cache.cache_root()
     assert folder.name.startswith("kernels-")
-    assert list(folder.rglob("*.nbi"))
+    assert (folder / "brushfire.kernels").stat().st_mode & 0o777 == 0o600
+
+
+def in_a_process(code: str, folder: Path) -> subprocess.Popen[str]:
+    """A Python process with a cache of its own, or of this test."""
+    environment = os.environ | {"MCL_CACHE_DIR": str(folder)}
+    command, pipe = [sys.executable, "-W", "error", "-c", code], subprocess.PIPE
+    return subprocess.Popen(command, env=environment, text=True, stdout=pipe, stderr=pipe)
+
+
+USE = """
+import logging, sys
+import numpy as np
+from mclcli import compiled
+logging.basicConfig(level=logging.INFO, format="%(message)s")
+distance = np.full((3, 4), np.inf)
+distance[0, 0] = 0.0
+compiled.load("brushfire").two_pass_chamfer(distance)
+print(distance[2, 3], "numba" in sys.modules)
+"""
+
+
+def test_the_first_process_compiles_and_says_so_and_later_ones_never_load_the_compiler(tmp_path: Path) -> None:
+    first, second = (in_a_process(USE, tmp_path).communicate(timeout=120) for _ in range(2))
+    assert first == (f"{LENGTH} True\n", "compiling the inner loops 'brushfire' (once; some seconds)\n")
+    assert second == (f"{LENGTH} False\n", "")
+
+
+def test_processes_that_start_at_once_all_get_their_kernels(tmp_path: Path) -> None:
+    processes = [in_a_process(USE, tmp_path) for _ in range(3)]
+    said = [process.communicate(timeout=120) for process in processes]
+    assert [out.split()[0] for out, _ in said] == [LENGTH] * 3, said
+    assert not list(tmp_path.rglob(".new-*"))
+
+
+def test_a_damaged_file_is_read_as_none_and_compiled_again(tmp_path: Path) -> None:
+    in_a_process(USE, tmp_path).communicate(timeout=120)
+    (path,) = tmp_path.rglob("*.kernels")
+    whole = path.read_bytes()
+    assert machine_code.read(path)
+    for position in (0, 20, 40, len(whole) // 2, len(whole) - 1):
+        damaged = bytearray(whole)
+        damaged[position] ^= 0x01
+        path.write_bytes(damaged)
+        assert machine_code.read(path) is None, position
+    path.write_bytes(whole[:-1])
+    out, said = in_a_process(USE, tmp_path).communicate(timeout=120)
+    assert out.split()[0] == LENGTH
+    assert "compiling" in said
+    assert machine_code.read(path)
+
+
+def test_a_folder_that_cannot_be_written_costs_a_warning(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    out, said = in_a_process(USE, tmp_path / "file").communicate(timeout=120)
+    assert out.split()[0] == LENGTH
+    assert "compiling again each time" in said
+
+
+@pytest.mark.parametrize("name", sorted(p.stem for p in KERNELS.glob("*.py") if not p.stem.startswith("_")))
+def test_every_kernel_runs_without_the_compiler(name: str) -> None:
+    assert vars(compiled.load(name)) or name == "trigonometry"
+
+
+def test_a_kernel_takes_what_it_was_compiled_for_and_nothing_else() -> None:
+    chamfer = compiled.load("brushfire").two_pass_chamfer
+    read_only = np.zeros((3, 3))
+    read_only.flags.writeable = False
+    unaligned = np.zeros(73, np.uint8)[1:].view(np.float64).reshape(3, 3)
+    wrong = [np.zeros((3, 3), np.float32), np.zeros(9), np.zeros((3, 6))[:, ::2], read_only, unaligned]
+    for argument in wrong:
+        with pytest.raises(TypeError, match="two_pass_chamfer"):
+            chamfer(argument)
+    with pytest.raises(ValueError, match="argument"):
+        chamfer(np.zeros((3, 3)), 1.0)
 
 
 def test_the_environment_names_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

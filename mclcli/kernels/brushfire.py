@@ -6,10 +6,12 @@ import math
 
 import numba as nb
 
+from mclcli.kernels import OPTIONS
+
 _DIAGONAL = math.sqrt(2.0)
 
 
-@nb.njit([nb.void(nb.float64[:, ::1])], cache=True, nogil=True)
+@nb.njit([nb.void(nb.float64[:, ::1])], **OPTIONS)
 def two_pass_chamfer(distance):  # type: ignore[no-untyped-def]
     """Relax ``distance`` (H, W), 0 at the seeds and +inf elsewhere, to path lengths in cells, in place.
 

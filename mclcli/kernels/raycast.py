@@ -11,6 +11,8 @@ import math
 
 import numba as nb
 
+from mclcli.kernels import OPTIONS
+
 _FAR = 255  # the largest side a table of squares can hold
 _BEYOND = 1 / 256  # how far beyond an open square the approximate walk looks; stated in world/raycast.py
 
@@ -21,7 +23,7 @@ def _signature(cells: nb.types.Type, dimensions: int, *options: nb.types.Type) -
     return nb.void(table, rows, rows, nb.float64, *options, nb.float64[:, ::1])
 
 
-@nb.njit([nb.void(nb.types.Array(nb.boolean, 2, "C", readonly=True), nb.uint8[:, :, ::1])], cache=True, nogil=True)
+@nb.njit([nb.void(nb.types.Array(nb.boolean, 2, "C", readonly=True), nb.uint8[:, :, ::1])], **OPTIONS)
 def fill_squares(blocked, squares):  # type: ignore[no-untyped-def]
     """Fill ``squares`` (4, H + 2, W + 2) with the side of the largest open square that has each cell in its corner.
 
@@ -42,8 +44,8 @@ def fill_squares(blocked, squares):  # type: ignore[no-untyped-def]
                     squares[q, row, column] = min(least + 1, _FAR)
 
 
-@nb.njit([nb.float64(nb.float64, nb.float64, nb.float64, nb.float64, nb.int64, nb.int64)], cache=True, nogil=True)
-def _first_on_map(x, y, dx, dy, width, height):  # type: ignore[no-untyped-def]  # noqa: ANN202
+@nb.njit([nb.float64(nb.float64, nb.float64, nb.float64, nb.float64, nb.int64, nb.int64)], **OPTIONS)
+def _first_on_map(x, y, dx, dy, width, height):  # type: ignore[no-untyped-def]
     """First r in the map's rectangle, which begins at (1, 1): +inf if the ray misses it, NaN from nowhere (slabs)."""
     if not (math.isfinite(x) and math.isfinite(y)):
         return math.nan
@@ -58,11 +60,11 @@ def _first_on_map(x, y, dx, dy, width, height):  # type: ignore[no-untyped-def] 
 
 
 @nb.njit(inline="always")
-def _clean(component, least):  # type: ignore[no-untyped-def]  # noqa: ANN202
+def _clean(component, least):  # type: ignore[no-untyped-def]
     return component if abs(component) > least else 0.0
 
 
-@nb.njit([_signature(nb.uint8, 3)], cache=True, nogil=True, error_model="numpy")
+@nb.njit([_signature(nb.uint8, 3)], **OPTIONS)
 def exact(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
     """From border to border of open squares: cell by cell beside obstacles, by leaps where there are none.
 
@@ -114,14 +116,18 @@ def exact(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
             out[n, b] = limit if left_map else min(skipped + r, limit)
 
 
-@nb.njit([_signature(nb.uint8, 3)], cache=True, nogil=True, error_model="numpy")
-def approximate(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
+_FLAT = nb.types.Array(nb.uint8, 1, "C", readonly=True)
+_ROWS = nb.types.Array(nb.float64, 2, "C", readonly=True)
+
+
+@nb.njit([nb.void(_FLAT, nb.int64, nb.int64, _ROWS, _ROWS, nb.float64, nb.float64[:, ::1])], **OPTIONS)
+def approximate(flat, height, width, poses, rays, limit, out):  # type: ignore[no-untyped-def]
     """From open square to open square, looking only a little beyond each: shorter cuts through a corner are missed.
 
     Where that is past a corner between two blocked cells, it stops, so walls that hold together by corners hold.
+    ``flat`` holds the open squares (4, H + 2, W + 2) of a map of ``height`` H and ``width`` W, one after another.
     """
-    height, width = squares.shape[1] - 2, squares.shape[2] - 2
-    flat, pitch = squares.ravel(), width + 2
+    pitch = width + 2
     for n in range(poses.shape[0]):
         base_x, base_y, c, s = poses[n, 0] + 1.0, poses[n, 1] + 1.0, poses[n, 2], poses[n, 3]
         for b in range(rays.shape[0]):
@@ -156,7 +162,7 @@ def approximate(squares, poses, rays, limit, out):  # type: ignore[no-untyped-de
             out[n, b] = limit if left_map else min(skipped + r, limit)
 
 
-@nb.njit([_signature(nb.boolean, 2, nb.boolean)], cache=True, nogil=True, error_model="numpy")
+@nb.njit([_signature(nb.boolean, 2, nb.boolean)], **OPTIONS)
 def bresenham(blocked, poses, rays, limit, nav2, out):  # type: ignore[no-untyped-def]
     """Along Bresenham's line to the cell at ``limit``, distances between centres of cells.
 

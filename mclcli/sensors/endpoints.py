@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli import compiled
+from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,6 +19,8 @@ if TYPE_CHECKING:
     from mclcli.world.distance_field import DistanceField
 
 BLOCK = 4096  # poses whose temporaries stay in the second-level cache
+COMPILED_BLOCK = 8192  # a kernel keeps its own, smaller blocks; this is a thread's share
+_CELLS_OF_A_KERNEL = 2**31  # beyond, its indices do not reach
 
 
 @final
@@ -28,17 +31,19 @@ class Anchoring:
     half_cell: bool = False
     yaw: bool = True
 
+    def frame(self, field: DistanceField) -> tuple[float, ...]:
+        """Where the cells lie: x, y [m], cosine, sine, yaw of their frame in map, side of a cell [m], shift [cells]."""
+        x, y, yaw = map(float, field.origin)
+        yaw = yaw if self.yaw else 0.0
+        return x, y, math.cos(yaw), math.sin(yaw), yaw, field.resolution, 0.5 if self.half_cell else 0.0
+
     def to_cells(
         self, field: DistanceField, poses: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Poses (N, 3) in map as column, row [cells, continuous] and yaw [rad] in the field's own frame."""
-        origin_x, origin_y, origin_yaw = field.origin
-        shift = 0.5 if self.half_cell else 0.0
+        origin_x, origin_y, c, s, origin_yaw, resolution, shift = self.frame(field)
         dx, dy = poses[:, 0] - origin_x, poses[:, 1] - origin_y
-        if origin_yaw == 0.0 or not self.yaw:
-            return dx / field.resolution + shift, dy / field.resolution + shift, poses[:, 2].copy()
-        c, s = math.cos(origin_yaw), math.sin(origin_yaw)
-        column, row = (c * dx + s * dy) / field.resolution, (c * dy - s * dx) / field.resolution
+        column, row = (c * dx + s * dy) / resolution, (c * dy - s * dx) / resolution
         return column + shift, row + shift, poses[:, 2] - origin_yaw
 
 
@@ -60,18 +65,54 @@ def sum_table(
     ``table`` (L + 1,) holds a value per level of the field, and one more for endpoints off the map. ``job_size`` hints
     how many pose·beam pairs will be summed in all. Beams are added in their order: every path gives the same bits.
     """
-    ends = endpoints / field.resolution
-    end_x, end_y = np.ascontiguousarray(ends[:, 0]), np.ascontiguousarray(ends[:, 1])
-    steps = max(job_size, poses.shape[0] * end_x.size)
-    add = compiled.load("likelihood_field").sum_log_p if compiled.worth_compiling(steps) else add_table
+    ends = np.ascontiguousarray((endpoints / field.resolution).T)
+    steps = max(job_size, poses.shape[0] * ends.shape[1])
+    add, block = (_add_compiled, COMPILED_BLOCK) if _is_compiled(field, steps) else (add_table, BLOCK)
     out = np.zeros(poses.shape[0])
 
     def sum_block(start: int) -> None:
-        x, y, yaw = anchoring.to_cells(field, poses[start : start + BLOCK])
-        add(field.codes, table, x, y, np.cos(yaw), np.sin(yaw), end_x, end_y, out[start : start + BLOCK])
+        add(field, table, anchoring, poses[start : start + block], ends, out[start : start + block])
 
-    for_each(sum_block, range(0, poses.shape[0], BLOCK), threads)
+    for_each(sum_block, range(0, poses.shape[0], block), threads)
     return out
+
+
+def _is_compiled(field: DistanceField, steps: float) -> bool:
+    return compiled.worth_compiling(steps) and field.codes.size < _CELLS_OF_A_KERNEL
+
+
+def add_table(
+    field: DistanceField,
+    table: NDArray[np.float64],
+    anchoring: Anchoring,
+    poses: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """Add to ``out`` (N,) the table's value of the cell where each beam ends, ``ends`` (2, B) [cells], beam by beam."""
+    height, width = field.codes.shape
+    x, y, yaw = anchoring.to_cells(field, poses)
+    cos, sin = cos_sin(yaw)
+    for end_x, end_y in ends.T:
+        column = np.floor(x + (cos * end_x - sin * end_y))
+        row = np.floor(y + (sin * end_x + cos * end_y))
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
+        cell = np.where(inside, row * width + column, 0).astype(np.intp)
+        out += np.where(inside, table[field.codes.ravel()[cell]], table[-1])
+
+
+def _add_compiled(
+    field: DistanceField,
+    table: NDArray[np.float64],
+    anchoring: Anchoring,
+    poses: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None:
+    """``add_table``, equal to the bit, by the kernel ``likelihood_field.sum_log_p``."""
+    scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
+    kernel, poses = compiled.load("likelihood_field").sum_log_p, np.ascontiguousarray(poses)
+    kernel(field.codes.ravel(), *field.codes.shape, table, *anchoring.frame(field), poses, ends.ravel(), out, *scratch)
 
 
 def for_each(task: Callable[[int], None], starts: range, threads: int) -> None:
@@ -84,27 +125,6 @@ def for_each(task: Callable[[int], None], starts: range, threads: int) -> None:
 
     with ThreadPoolExecutor(threads) as pool:
         list(pool.map(task, starts))
-
-
-def add_table(
-    codes: NDArray[np.uint16] | NDArray[np.uint32],
-    table: NDArray[np.float64],
-    x: NDArray[np.float64],
-    y: NDArray[np.float64],
-    cos: NDArray[np.float64],
-    sin: NDArray[np.float64],
-    end_x: NDArray[np.float64],
-    end_y: NDArray[np.float64],
-    out: NDArray[np.float64],
-) -> None:
-    """The formula in NumPy; equal to the bit to the kernel ``likelihood_field.sum_log_p``, which see."""
-    height, width = codes.shape
-    for bx, by in zip(end_x, end_y, strict=True):
-        column = np.floor(x + (cos * bx - sin * by))
-        row = np.floor(y + (sin * bx + cos * by))
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        cell = np.where(inside, row * width + column, 0).astype(np.intp)
-        out += np.where(inside, table[codes.ravel()[cell]], table[-1])
 
 
 def distances(
@@ -121,7 +141,7 @@ def distances(
     """
     x, y, yaw = anchoring.to_cells(field, poses)
     ends = endpoints / field.resolution
-    c, s = np.cos(yaw)[:, np.newaxis], np.sin(yaw)[:, np.newaxis]
+    c, s = (values[:, np.newaxis] for values in cos_sin(yaw))
     column = x[:, np.newaxis] + (c * ends[:, 0] - s * ends[:, 1])
     row = y[:, np.newaxis] + (s * ends[:, 0] + c * ends[:, 1])
     height, width = field.codes.shape

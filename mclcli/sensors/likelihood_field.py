@@ -9,6 +9,7 @@ make of it; see docs/models.md.
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import math
 from dataclasses import dataclass
@@ -100,6 +101,7 @@ class LikelihoodField:
     parameters: LikelihoodFieldParameters
     job_size: float = 0.0
     threads: int = 1
+    _tables: dict[float, NDArray[np.float64]] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
     def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
         """Measurement that scores poses against these beams."""
@@ -149,7 +151,12 @@ class LikelihoodField:
 
     def table(self, r_max: float) -> NDArray[np.float64]:
         """Term (L + 1,) of a reading that ends at each level of the field, and of one that ends off the map."""
-        return self.term(self.likelihood(np.append(self.field.levels, np.inf), r_max))
+        if r_max not in self._tables:  # all scans of a lidar have the same, so keep the last one
+            table = self.term(self.likelihood(np.append(self.field.levels, np.inf), r_max))
+            table.flags.writeable = False
+            self._tables.clear()
+            self._tables[r_max] = table
+        return self._tables[r_max]
 
     def distances(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Distance (N, B) [m] at each endpoint; +inf off the map."""

@@ -91,7 +91,8 @@ class RayCaster:
         if self.method == "exact":
             kernels.exact(self.table, poses, rays, limit, out)
         elif self.method == "approximate":
-            kernels.approximate(self.table, poses, rays, limit, out)
+            height, width = (side - 2 for side in self.table.shape[1:])
+            kernels.approximate(self.table.ravel(), height, width, poses, rays, limit, out)
         else:
             kernels.bresenham(self.table, poses, rays, limit, self.method == "bresenham_nav2", out)
 

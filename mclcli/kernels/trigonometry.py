@@ -1,0 +1,33 @@
+"""Cosine and sine of many angles, in vectors: the loop of ``mclcli.trigonometry``, which see."""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+
+from mclcli.kernels import OPTIONS
+
+
+@nb.njit(**OPTIONS)
+def _cos_sin(angles, cos, sin):  # type: ignore[no-untyped-def]
+    """Cosine and sine of ``angles`` (N,) [rad] into ``cos`` and ``sin``; equal to the bit to the NumPy version."""
+    for i in range(angles.size):
+        turns = math.floor(angles[i] * 0.6366197723675814 + 0.5)
+        r = ((angles[i] - turns * 1.57079632673412561417) - turns * 6.07710050630396597660e-11) - (
+            turns * 2.02226624879595063154e-21
+        )
+        z = r * r
+        s = 2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
+        s = 8.33333333332248946124e-03 + z * (-1.98412698298579493134e-04 + z * s)
+        s = r + r * z * (-1.66666666666666324348e-01 + z * s)
+        c = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)
+        c = 4.16666666666666019037e-02 + z * (-1.38888888888741095749e-03 + z * (2.48015872894767294178e-05 + z * c))
+        half = 0.5 * z
+        w = 1.0 - half
+        c = w + (((1.0 - w) - half) + z * z * c)
+        quarter = turns - 4.0 * math.floor(turns * 0.25)
+        odd = (quarter == 1.0) | (quarter == 3.0)
+        one, other = (s if odd else c), (c if odd else s)
+        cos[i] = -one if (quarter == 1.0) | (quarter == 2.0) else one
+        sin[i] = -other if quarter >= 2.0 else other
