@@ -14,6 +14,7 @@ import numpy as np
 
 from mclcli import compiled
 from mclcli.errors import UsageError
+from mclcli.world.squared_distance import squared_distances
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -109,26 +110,34 @@ def from_metres(grid: OccupancyGrid, metres: NDArray[np.floating], max_dist: flo
     """
     below: NDArray[np.bool_] = metres < max_dist
     values = metres[below].astype(np.float64)
-    _, first, inverse = np.unique(np.rint(values * 1e6), return_index=True, return_inverse=True)
+    rank, first = _ranked(np.rint(values * 1e6))
     levels = np.append(values[first], max_dist)
     codes = np.full(metres.shape, levels.size - 1, np.uint32)
-    codes[below] = inverse
+    codes[below] = rank
     return _field(grid, codes, levels)
 
 
-def _exact(grid: OccupancyGrid, occupied: NDArray[np.bool_], max_dist: float) -> DistanceField:
-    """Euclidean distance transform; codes are squared distances in cells where those fit a table."""
-    from scipy.ndimage import distance_transform_edt
+def _ranked(whole: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rank (N,) of each whole number ≥ 0 among the distinct ones, and where each of those stands first."""
+    if whole.size == 0 or whole.max() > 16 * whole.size:
+        _, first, rank = np.unique(whole, return_index=True, return_inverse=True)
+        return rank, first
+    place = np.full(int(whole.max()) + 1, -1)  # counting takes the place of sorting
+    numbers = whole.astype(np.intp)
+    place[numbers[::-1]] = np.arange(numbers.size - 1, -1, -1)
+    there = place >= 0
+    return (np.cumsum(there) - 1)[numbers], place[there]
 
-    cells = distance_transform_edt(~occupied)
+
+def _exact(grid: OccupancyGrid, occupied: NDArray[np.bool_], max_dist: float) -> DistanceField:
+    """Euclidean distances; codes are squared distances in cells where those fit a table."""
     reach = max_dist / grid.resolution
     if reach * reach >= np.iinfo(np.uint16).max - 1:
-        return from_metres(grid, cells * grid.resolution, max_dist)
+        limit = min(math.ceil(min(reach, 2.0**15) ** 2), sum(side * side for side in occupied.shape))
+        return from_metres(grid, np.sqrt(squared_distances(occupied, limit)) * grid.resolution, max_dist)
     squares = np.sqrt(np.arange(math.ceil(reach * reach) + 1)) * grid.resolution
     levels = np.append(squares[squares < max_dist], max_dist)
-    np.multiply(cells, cells, out=cells)
-    np.minimum(np.rint(cells, out=cells), levels.size - 1, out=cells)
-    return _field(grid, cells.astype(np.uint16), levels)
+    return _field(grid, squared_distances(occupied, levels.size - 1).astype(np.uint16, copy=False), levels)
 
 
 def _brushfire(occupied: NDArray[np.bool_], reach: float) -> NDArray[np.float64]:
