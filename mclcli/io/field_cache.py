@@ -1,18 +1,16 @@
 """Distance fields kept on disk, addressed by what they were made from; checked at every open, never trusted.
 
-A file is a magic line, one line of JSON (format, shapes, types, SHA-256 of the payload) and the payload: codes, levels.
+A file is a magic line, JSON (format, shapes, types, SHA-256 of the payload) filled up with blanks, and the payload:
+codes, levels.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import logging
 import os
-import tempfile
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,12 +19,19 @@ from mclcli.world import distance_field
 from mclcli.world.distance_field import DistanceField
 
 if TYPE_CHECKING:
+    from hashlib import _Hash as Digest
+    from io import FileIO
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
     from mclcli.world.distance_field import Method
     from mclcli.world.occupancy import OccupancyGrid
 
 _MAGIC = b"mcl distance field\n"
-_FORMAT = 1
-_MAX_HEADER = 4096
+_FORMAT = 2
+_HEADER = 512  # bytes of magic line and JSON line, filled up with blanks
+_PIECE = 1 << 19  # bytes that are read and hashed at a time
 
 
 def field_path(
@@ -68,59 +73,76 @@ def _path(grid: OccupancyGrid, kind: str, max_dist: float) -> Path:
 def _load(path: Path, grid: OccupancyGrid, kind: str, max_dist: float) -> DistanceField | None:
     """Field of a cache file, or None if there is none, it is not ours, or anything in it does not fit."""
     try:
-        with path.open("rb") as file:
-            if not cache.is_ours(os.fstat(file.fileno())) or file.readline(len(_MAGIC)) != _MAGIC:
-                return None
-            header = json.loads(file.readline(_MAX_HEADER))
-            payload = file.read()
-        code_type, levels = header["code_type"], header["levels"]
-        if header != _header(grid, kind, max_dist, code_type, levels, payload):
-            return None
-        split = grid.cells.size * np.dtype(code_type).itemsize
-        if len(payload) != split + 8 * levels:
-            return None
-        return DistanceField(
-            np.frombuffer(payload[:split], code_type).reshape(grid.cells.shape),
-            np.frombuffer(payload[split:], "<f8", count=levels),
-            grid.resolution,
-            grid.origin,
-        )
+        with path.open("rb", buffering=0) as file:
+            return _read(file, grid, kind, max_dist)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
 
 
+def _read(file: FileIO, grid: OccupancyGrid, kind: str, max_dist: float) -> DistanceField | None:
+    """The same of an open file. It is read, not mapped: a file that shrinks under a map would end the process."""
+    status = os.fstat(file.fileno())
+    start = file.read(_HEADER)
+    if not cache.is_ours(status) or not start.startswith(_MAGIC) or not start.endswith(b"\n"):
+        return None
+    header = json.loads(start[len(_MAGIC) :])
+    codes, levels = np.empty(grid.cells.shape, _code_type(header["code_type"])), np.empty(header["levels"], "<f8")
+    if status.st_size != _HEADER + codes.nbytes + levels.nbytes:
+        return None
+    digest = hashlib.sha256()
+    if not (_fill(codes, file, digest) and _fill(levels, file, digest)):
+        return None
+    if header != _header(grid, kind, max_dist, codes, levels, digest.hexdigest()):
+        return None
+    codes.flags.writeable = levels.flags.writeable = False
+    return DistanceField(codes, levels, grid.resolution, grid.origin)
+
+
+def _fill(array: NDArray[Any], file: FileIO, digest: Digest) -> bool:
+    """Read an array piece by piece, each hashed while it is in the processor's cache; False if the file ends before."""
+    left = array.reshape(-1).view(np.uint8).data
+    while left:
+        count = file.readinto(left[:_PIECE])
+        if not count:
+            return False
+        digest.update(left[:count])
+        left = left[count:]
+    return True
+
+
+def _code_type(name: str) -> str:
+    if name not in {"<u2", "<u4"}:
+        raise ValueError(name)
+    return name
+
+
 def _header(
-    grid: OccupancyGrid, kind: str, max_dist: float, code_type: str, levels: int, payload: bytes
+    grid: OccupancyGrid,
+    kind: str,
+    max_dist: float,
+    codes: NDArray[Any],
+    levels: NDArray[np.float64],
+    digest: str,
 ) -> dict[str, object]:
     """What the file says of its payload; a payload that is not what its maker wrote has another digest."""
-    if code_type not in {"<u2", "<u4"}:
-        raise ValueError(code_type)
     return {
         "format": _FORMAT,
         "map": grid.digest(),
         "kind": kind,
         "max_dist": max_dist,
-        "shape": list(grid.cells.shape),
-        "code_type": code_type,
-        "levels": levels,
-        "sha256": hashlib.sha256(payload).hexdigest(),
+        "shape": list(codes.shape),
+        "code_type": codes.dtype.newbyteorder("<").str,
+        "levels": levels.size,
+        "sha256": digest,
     }
 
 
 def _store(path: Path, grid: OccupancyGrid, field: DistanceField, kind: str, max_dist: float) -> None:
     """Write beside the target and move into place, so that no reader ever sees half a file."""
-    cache.make_private(path.parent)
-    code_type = field.codes.dtype.newbyteorder("<").str
-    payload = field.codes.astype(code_type, copy=False).tobytes() + field.levels.astype("<f8", copy=False).tobytes()
-    header = json.dumps(_header(grid, kind, max_dist, code_type, field.levels.size, payload))
-    handle, name = tempfile.mkstemp(prefix=".field-", dir=path.parent)  # mode 0600
-    try:
-        with os.fdopen(handle, "wb") as file:
-            file.writelines([_MAGIC, header.encode(), b"\n", payload])
-            file.flush()
-            os.fsync(file.fileno())
-        Path(name).replace(path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            Path(name).unlink()
-        raise
+    codes = np.ascontiguousarray(field.codes, field.codes.dtype.newbyteorder("<"))
+    levels = np.ascontiguousarray(field.levels, "<f8")
+    payload = [codes.reshape(-1).view(np.uint8).data, levels.view(np.uint8).data]
+    digest = hashlib.sha256(payload[0])
+    digest.update(payload[1])
+    header = json.dumps(_header(grid, kind, max_dist, codes, levels, digest.hexdigest()))
+    cache.write_whole(path, [(_MAGIC + header.encode()).ljust(_HEADER - 1) + b"\n", *payload])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
@@ -36,6 +36,7 @@ class OccupancyGrid:
     cells: NDArray[np.int8]
     resolution: float
     origin: NDArray[np.float64]
+    _digest: list[str] = field(default_factory=list, init=False, repr=False)  # once it is known
 
     def __post_init__(self) -> None:
         origin = np.array(self.origin, dtype=np.float64)
@@ -96,10 +97,12 @@ class OccupancyGrid:
 
     def digest(self) -> str:
         """SHA-256 over cells, shape, resolution and origin, hexadecimal."""
-        geometry = np.array([self.height, self.width, self.resolution, *self.origin], dtype="<f8")
-        hashed = hashlib.sha256(geometry.tobytes())
-        hashed.update(self.cells.data)
-        return hashed.hexdigest()
+        if not self._digest:
+            geometry = np.array([self.height, self.width, self.resolution, *self.origin], dtype="<f8")
+            hashed = hashlib.sha256(geometry.tobytes())
+            hashed.update(self.cells.data)
+            self._digest.append(hashed.hexdigest())
+        return self._digest[0]
 
 
 def _checked(cells: NDArray[np.int8]) -> NDArray[np.int8]:
