@@ -1,4 +1,6 @@
-"""Makes docs/cli.md and docs/parameters.md from the program itself; with --check, says whether they are up to date.
+"""Makes docs/cli.md, docs/parameters.md and the table in docs/nav2.md from the program itself.
+
+With --check, says whether they are up to date.
 
 Also checks that every relative link in README and docs leads somewhere.
 """
@@ -11,10 +13,11 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from mclcli import profiles
+from mclcli import nav2_names, profiles
 from mclcli.cli import COMMANDS, group
 
 ROOT = Path(__file__).resolve().parents[1]
+_BEGIN, _END = "<!-- table: made by docs/build.py -->", "<!-- end of table -->"
 _LINK = re.compile(r"\]\(([^)#\s]+)[^)]*\)")
 
 
@@ -32,14 +35,16 @@ def parameter_reference() -> str:
     lines = [
         "# Parameters\n",
         "Set with `--set NAME=VALUE` or in a file given with `--params`; made from the source by docs/build.py.",
-        "Values take units (`sigma_bearing=3deg`, `sigma_hit=5cm`). *nav2* marks names that nav2_amcl has as well.",
-        "Names that stand twice belong to different lidar models.\n",
-        "| group | name | default | unit | nav2 | meaning |",
-        "|---|---|---|---|---|---|",
+        "Values take units (`sigma_bearing=3deg`, `sigma_hit=5cm`). Names that stand twice belong to different lidar",
+        "models. *nav2* is what nav2_amcl calls a parameter, or Beluga where it is marked so; [nav2.md](nav2.md) has",
+        "more on files of robots. Tables and sections are of Thrun, Burgard, Fox 2005, *Probabilistic Robotics*.\n",
+        "| group | name | default | unit | nav2 | meaning | reference |",
+        "|---|---|---|---|---|---|---|",
     ]
     for part, name, default, about in profiles.table():
         meaning = about.meaning + (f"; one of {', '.join(about.choices)}" if about.choices else "")
-        cells = (part, f"`{name}`", _shown(default), about.unit, "nav2" if about.in_nav2 else "", meaning)
+        reference = about.source or profiles.SOURCES[part]
+        cells = (part, f"`{name}`", _shown(default), about.unit, _robots_names(name), meaning, reference)
         lines.append(f"| {' | '.join(cells)} |")
     lines += ["\n# Profiles\n", "What `--profile` changes of these defaults, by `--model`.\n"]
     for profile, models in profiles.PROFILES.items():
@@ -49,11 +54,51 @@ def parameter_reference() -> str:
     return "\n".join(lines) + "\n"
 
 
+def _robots_names(name: str) -> str:
+    rows = [row for row in nav2_names.TABLE if row.becomes == name]
+    return ", ".join(f"`{row.name}`{'' if row.nav2 is not None else ' (Beluga)'}" for row in rows)
+
+
 def _shown(value: float | str) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
     return f"{value:.6g}" if isinstance(value, float) else str(value) or "(empty)"
 
 
-PAGES = {"docs/cli.md": cli_reference, "docs/parameters.md": parameter_reference}
+def nav2_page() -> str:
+    """The page about files of robots, as it stands, with its table made anew."""
+    before, mark, rest = (ROOT / "docs/nav2.md").read_text().partition(_BEGIN)
+    _, end, after = rest.partition(_END)
+    return f"{before}{mark}\n{_nav2_table()}{end}{after}"
+
+
+def _nav2_table() -> str:
+    lines = [
+        "| parameter | type | nav2_amcl | Beluga | becomes | what else |",
+        "|---|---|---|---|---|---|",
+    ]
+    kinds = {bool: "bool", int: "int", float: "double", str: "string"}
+    for row in nav2_names.TABLE:
+        defaults = ["–" if default is None else _shown(default) for default in (row.nav2, row.beluga)]
+        cells = (f"`{row.name}`", kinds[row.kind], *defaults, _becomes(row), _more(row))
+        lines.append(f"| {' | '.join(cells)} |")
+    generic = [f"`{name}`" for name in nav2_names.OF_ANY_NODE] + [f"`{name}…`" for name in nav2_names.OF_ANY_NODE_BELOW]
+    return "\n".join([*lines, "", f"Every node may have these, without a part in a replay: {', '.join(generic)}.", ""])
+
+
+def _becomes(row: nav2_names.Name) -> str:
+    return "" if row.becomes == nav2_names.NOTHING else f"`{row.becomes}`"
+
+
+def _more(row: nav2_names.Name) -> str:
+    words = {word: own for word, own in row.words.items() if str(word) != own}
+    said = [", ".join(f"{_shown(word)}: `{_shown(own)}`" for word, own in words.items())] if words else []
+    said += [row.note] if row.note else []
+    said += [f"only with {' or '.join(f'`{model}`' for model in row.models)}"] if row.models else []
+    return "; ".join(said)
+
+
+PAGES = {"docs/cli.md": cli_reference, "docs/parameters.md": parameter_reference, "docs/nav2.md": nav2_page}
 
 
 def stale_pages() -> list[str]:

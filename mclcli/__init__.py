@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mclcli.filter.start import AlongPoses, Anywhere, AroundPose, AroundSeveral
     from mclcli.io.map_yaml import load_map
     from mclcli.io.recording import open_recording
+    from mclcli.parameter_files.reading import load_settings
     from mclcli.profiles import build as settings
     from mclcli.replay import ReplayTally, replay
 
@@ -24,6 +25,7 @@ _HOMES = {
     "AroundSeveral": "mclcli.filter.start",
     "ReplayTally": "mclcli.replay",
     "load_map": "mclcli.io.map_yaml",
+    "load_settings": "mclcli.parameter_files.reading",
     "open_recording": "mclcli.io.recording",
     "prepare": "mclcli.assemble",
     "replay": "mclcli.replay",
@@ -40,6 +42,7 @@ __all__ = [
     "ReplayTally",
     "__version__",
     "load_map",
+    "load_settings",
     "open_recording",
     "prepare",
     "replay",

@@ -62,11 +62,15 @@ def validate(parameters: ParameterSet) -> None:
 
     """
     for name, _, description in described(type(parameters)):
-        value = getattr(parameters, name)
-        problem = _problem(value, description)
-        if problem:
-            unit = f" {description.unit}" if description.unit else ""
-            raise UsageError(f"parameter {name} = {value}{unit}: {problem}; see `mcl params`")
+        check_value(name, getattr(parameters, name), description)
+
+
+def check_value(name: str, value: float | str, description: Description) -> None:
+    """Check one value against its description; UsageError as of ``validate``."""
+    problem = _problem(value, description)
+    if problem:
+        unit = f" {description.unit}" if description.unit else ""
+        raise UsageError(f"parameter {name} = {value}{unit}: {problem}; see `mcl params`")
 
 
 def _problem(value: float | str, description: Description) -> str:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cache
 from typing import TYPE_CHECKING, Any, final
 
+from mclcli import nav2_names
 from mclcli.errors import UsageError, nearest_name
 from mclcli.filter.kld import KldParameters
 from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.recovery import RecoveryParameters
 from mclcli.motion import MotionParameters
 from mclcli.motion.odometry import OdometryParameters
-from mclcli.parameters import Description, described, parameter, validate
+from mclcli.parameters import Description, check_value, described, parameter, validate
 from mclcli.quantity import parse_quantity
 from mclcli.sensors.beam import BeamParameters
 from mclcli.sensors.beams import BeamSelection
@@ -27,12 +29,15 @@ Value = float | str
 @final
 @dataclass(frozen=True, slots=True)
 class FrameParameters:
-    """Names of frames; empty means found from the log."""
+    """Names of frames and topics; empty means found from the log."""
 
     base_frame_id: str = parameter(
         "", "frame of the robot's base; empty: the odometry's child, base_link, base_footprint", in_nav2=True
     )
     odom_frame_id: str = parameter("", "frame of the odometry; empty: as recorded", in_nav2=True)
+    global_frame_id: str = parameter("map", "frame of the map, in MCAP traces", in_nav2=True)
+    scan_topic: str = parameter("", "topic of the laser scans; empty: found; `--scan` goes before", in_nav2=True)
+    map_topic: str = parameter("", "topic of the map where `--map` names none; empty: found", in_nav2=True)
 
     def __post_init__(self) -> None:
         validate(self)
@@ -61,6 +66,10 @@ class Settings:
         groups = [getattr(self, name) for name in active_groups(self.model)]
         return {field.name: getattr(group, field.name) for group in groups for field in fields(group)}
 
+    def stated(self) -> dict[str, Value]:
+        """Profile, model and every value: all that it takes to make the same settings from a file."""
+        return {"profile": self.profile, "model": self.model, **self.values()}
+
 
 GROUPS: dict[str, type[Any]] = {
     "filter": FilterParameters,
@@ -73,6 +82,20 @@ GROUPS: dict[str, type[Any]] = {
     "beam": BeamParameters,
     "bearing": BearingParameters,
     "frames": FrameParameters,
+}
+# Where the parameters of a group come from, if they do not say so themselves. Numbers are of Thrun, Burgard, Fox 2005,
+# *Probabilistic Robotics*.
+SOURCES: dict[str, str] = {
+    "filter": "table 8.2; nav2_amcl",
+    "kld": "table 8.4; Fox 2003, eq. 7",
+    "recovery": "table 8.3",
+    "motion": "table 5.6; nav2_amcl",
+    "odometry": "mcl's own",
+    "beams": "nav2_amcl, Beluga",
+    "likelihood_field": "table 6.3; nav2_amcl",
+    "beam": "section 6.3.1",
+    "bearing": "sections 6.3.1, 6.6.2",
+    "frames": "REP 105; nav2_amcl",
 }
 # Lidar models, and the group that each has its parameters in.
 MODELS = {"likelihood_field": "likelihood_field", "likelihood_field_prob": "likelihood_field", "beam": "beam"}
@@ -104,6 +127,7 @@ _NAV2: dict[str, Value] = {
 }
 _BELUGA: dict[str, Value] = {
     "max_range": "keep_equal",
+    "laser_min_range": 0.0,
     "laser_max_range": 100.0,
     "range_of_rand": "parameter",
     "turn_noise": "folded",
@@ -193,6 +217,24 @@ def spelled_out(values: Mapping[str, object]) -> dict[str, object]:
     return {"min_particles": smallest, "max_particles": largest if colon else smallest} | rest
 
 
+@cache
+def _by_name(model: str) -> dict[str, tuple[Value, Description]]:
+    """Every parameter; of those that several lidar models have, the given one's."""
+    rows = [*table(), *table(model)]
+    return {name: (default, description) for _, name, default, description in rows}
+
+
+def check(name: str, value: object, model: str = "likelihood_field") -> None:
+    """Check the value of one parameter, of this lidar model or another, by itself; UsageError as of ``build``."""
+    rows = _by_name(model)
+    for key, single in spelled_out({name: value}).items():
+        if key not in rows:
+            hint = nearest_name(key, ["particles", *rows])
+            raise UsageError(f"unknown parameter '{key}'{hint or '; `mcl params` lists them all'}")
+        default, description = rows[key]
+        check_value(key, read_value(key, single, default, description), description)
+
+
 def read_value(name: str, value: object, default: Value, description: Description) -> Value:
     """Value of one parameter from a number or text, of the default's kind.
 
@@ -203,7 +245,8 @@ def read_value(name: str, value: object, default: Value, description: Descriptio
 
     """
     if isinstance(default, str):
-        return str(value)
+        words = nav2_names.MOTIONS if name == "robot_model_type" else {}
+        return words.get(str(value), str(value))
     if isinstance(default, bool):
         return _read_bool(name, value)
     if isinstance(value, bool) or not isinstance(value, int | float | str):

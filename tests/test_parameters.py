@@ -102,6 +102,11 @@ def test_the_originals_sizes_and_recoveries() -> None:
         ).recovery.enabled
 
 
+def test_every_parameter_has_a_reference() -> None:
+    assert list(profiles.SOURCES) == list(profiles.GROUPS)
+    assert all(profiles.SOURCES.values())
+
+
 def test_changing_one_value_leaves_the_others() -> None:
     before, after = profiles.build({}).values(), profiles.build({"sigma_hit": 0.4}).values()
     assert {name for name in before if before[name] != after[name]} == {"sigma_hit"}

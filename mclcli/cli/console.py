@@ -54,6 +54,11 @@ def tell_kept(path: Path | None) -> None:
         warn(f"interrupted: what was written so far is kept as {path.name}")
 
 
+def detail(message: str) -> None:
+    """One line for the user who asked for more, with -v."""
+    logging.getLogger("mclcli").debug("%s", message)
+
+
 def is_live() -> bool:
     """Whether progress can be shown: stderr is a terminal and -q was not given."""
     return sys.stderr.isatty() and logging.getLogger("mclcli").isEnabledFor(logging.INFO)

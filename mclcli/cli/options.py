@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, final
 
 import click
 
@@ -13,6 +14,7 @@ from mclcli.quantity import parse_list
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mclcli.parameter_files.reading import FileParameters
     from mclcli.profiles import Settings
 
 Command = TypeVar("Command", bound="Callable[..., Any]")
@@ -147,16 +149,20 @@ map_limits = _all(
 
 parameters = _all(
     click.option(
-        "--profile", type=click.Choice(PROFILE_NAMES), default="textbook", show_default=True, help="Whose semantics."
+        "--profile",
+        type=click.Choice(PROFILE_NAMES),
+        help="Whose semantics.  [default: textbook, or whose file --params is]",
     ),
     click.option(
         "--model",
         type=click.Choice(MODEL_NAMES),
-        default="likelihood_field",
-        show_default=True,
-        help="Lidar model.",
+        help="Lidar model.  [default: likelihood_field, or what --params says]",
     ),
-    click.option("--params", type=click.Path(path_type=Path), help="YAML file with parameters by name."),
+    click.option(
+        "--params",
+        type=click.Path(path_type=Path),
+        help="YAML with parameters: mcl's own, or the robot's, nav2's or that of Beluga's amcl.",
+    ),
     click.option(
         "--set",
         "settings",
@@ -187,16 +193,39 @@ model = _all(
 )
 
 
-def build_settings(
-    arguments: dict[str, Any], base: dict[str, object], flags: dict[str, object] | None = None
-) -> Settings:
-    """Settings of --params and --set over a command's own defaults: flag > --set > --params > default."""
-    from mclcli import profiles
-    from mclcli.io.params_yaml import read_params
+@final
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """Settings, and the file of --params that they come from, if any; ``wishes`` are what only the file says."""
 
-    values = dict(base)
-    if arguments["params"] is not None:
-        values.update(profiles.spelled_out(read_params(arguments["params"])))
-    for given in (arguments["settings"], flags or {}):
-        values.update(profiles.spelled_out(given))
-    return profiles.build(values, profile=arguments["profile"], model=arguments["model"])
+    settings: Settings
+    file: FileParameters | None
+    wishes: frozenset[str] = frozenset()
+
+
+def choose_settings(
+    arguments: dict[str, Any], base: dict[str, object], flags: dict[str, object] | None = None
+) -> Chosen:
+    """Settings of --params and --set over a command's own defaults: flag > --set > --params > default.
+
+    What there is to say about the file is said.
+    """
+    from mclcli import profiles
+    from mclcli.cli import console
+
+    profile, model = arguments["profile"], arguments["model"]
+    given = profiles.spelled_out(arguments["settings"]) | profiles.spelled_out(flags or {})
+    if arguments["params"] is None:
+        values = {**base, **given}
+        return Chosen(profiles.build(values, profile=profile or "textbook", model=model or "likelihood_field"), None)
+    from mclcli.parameter_files.reading import load, settings_of
+
+    file = load(arguments["params"], profile=profile, model=model)
+    settings = settings_of(file, given, base=base, profile=profile, model=model)
+    if not file.remarks:
+        console.detail(f"{file.name}: parameters in {file.dialect}'s own dialect")
+    for line in file.remarks:
+        console.remark(line)
+    for line in file.warnings:
+        console.warn(line)
+    return Chosen(settings, file, file.wishes - set(given))

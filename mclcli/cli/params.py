@@ -11,17 +11,34 @@ from mclcli.cli import options
 
 @click.command("params", short_help="Print every parameter with its effective value and meaning.")
 @options.parameters
-@click.option("--format", "form", type=click.Choice(["mcl"]), default="mcl", show_default=True, help="Whose names.")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["mcl", "nav2"]),
+    default="mcl",
+    show_default=True,
+    help="mcl's own names with their meanings, or a file for nav2_amcl.",
+)
 @options.threads
 @options.common
 def command(**arguments: Any) -> None:
     """Effective parameters as YAML that --params reads, with units and meanings."""
-    from mclcli import profiles
-    from mclcli.io.params_yaml import format_params
+    chosen = options.choose_settings(arguments, {})
+    if arguments["form"] == "nav2":
+        from mclcli.parameter_files.writing import to_nav2
 
-    settings = options.build_settings(arguments, {})
-    comments = {
+        click.echo(to_nav2(chosen.settings, chosen.file), nl=False)
+    else:
+        from mclcli.io.params_yaml import format_params
+
+        click.echo(format_params(chosen.settings.stated(), _comments()), nl=False)
+
+
+def _comments() -> dict[str, str]:
+    from mclcli import profiles
+
+    meanings = {
         name: f"[{description.unit}] {description.meaning}" if description.unit else description.meaning
         for _, name, _, description in profiles.table()
     }
-    click.echo(format_params(settings.values(), comments), nl=False)
+    return {"profile": "whose semantics, as --profile", "model": "lidar model, as --model", **meanings}

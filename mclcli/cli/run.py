@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from mclcli.cli import options
-from mclcli.errors import InputError, UsageError
+from mclcli.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from mclcli.cli.options import Chosen
     from mclcli.cli.run_outputs import Outputs
     from mclcli.io.recording import Recording
     from mclcli.io.roles import Roles
-    from mclcli.profiles import Settings
     from mclcli.replay import ReplayTally, Setup
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
@@ -96,16 +96,16 @@ def command(**arguments: Any) -> int:
 
     With no output named, the track goes to stdout as CSV unless that is a terminal.
     """
-    from mclcli.cli import run_report
+    from mclcli.cli import run_report, wishes
     from mclcli.cli.run_outputs import Outputs
     from mclcli.io.output import open_output
     from mclcli.replay import ReplayTally, replay
 
     began = time.perf_counter()
-    settings = options.build_settings(arguments, {}, _from_flags(arguments))
-    recording = _open(arguments)
-    parts = _roles(arguments, recording, settings)
-    grid, setup, landmarks = _set_up(arguments, recording, parts, settings)
+    chosen = options.choose_settings(arguments, {}, _from_flags(arguments))
+    settings, recording = chosen.settings, _open(arguments)
+    parts = wishes.assign_roles(arguments, recording, chosen)
+    grid, setup, landmarks = _set_up(arguments, recording, parts, chosen)
     truth = run_report.read_truth(arguments["truth"], recording)
     inputs = _inputs(arguments)
     if arguments["picture"]:
@@ -144,31 +144,12 @@ def _open(arguments: dict[str, Any]) -> Recording:
     return Recording(open_log(arguments["logs"], stdin=stdin), strict=arguments["strict"])
 
 
-def _roles(arguments: dict[str, Any], recording: Recording, settings: Settings) -> Roles:
-    from mclcli.cli import console
-    from mclcli.io import roles
-
-    wishes = roles.Wishes(
-        scan=arguments["scans"],
-        odometry=arguments["odom"] or "",
-        vision=arguments["vision"],
-        base_frame=settings.frames.base_frame_id,
-        odom_frame=settings.frames.odom_frame_id,
-    )
-    if arguments["vision"] and arguments["landmarks"] is None:
-        raise UsageError("--vision needs --landmarks: where the landmarks stand")
-    parts = roles.assign(recording.found, wishes)
-    for role in ("scan", "odometry"):
-        if "not " in (reason := parts.reasons.get(role, "")):
-            console.remark(f"{role}: {' '.join(getattr(parts, role)) if role == 'scan' else parts.odometry}, {reason}")
-    return parts
-
-
 def _set_up(
-    arguments: dict[str, Any], recording: Recording, parts: Roles, settings: Settings
+    arguments: dict[str, Any], recording: Recording, parts: Roles, chosen: Chosen
 ) -> tuple[OccupancyGrid | None, Setup, Landmarks | None]:
     from mclcli import assemble
     from mclcli.cli.run_start import find_initialpose, read_offset, read_start, read_window
+    from mclcli.cli.wishes import start_of_file
     from mclcli.io.field_cache import cached_field
 
     grid = _find_map(arguments, recording, parts)
@@ -178,8 +159,8 @@ def _set_up(
         parts,
         grid=grid,
         landmarks=landmarks,
-        settings=settings,
-        start=read_start(arguments["init"], recording),
+        settings=chosen.settings,
+        start=start_of_file(chosen, grid) if arguments["init"] is None else read_start(arguments["init"], recording),
         follow=find_initialpose(recording) if arguments["follow_initialpose"] else "",
         deskew=arguments["deskew"],
         scan_offset_ns=read_offset(arguments["scan_offset"]),

@@ -159,9 +159,10 @@ class Outputs:
             metadata={
                 key: value if isinstance(value, str) else json.dumps(value) for key, value in self._metadata.items()
             },
-            parameters_yaml=format_params(self._settings.values()),
+            parameters_yaml=format_params(self._settings.stated()),
             odom_frame=self._setup.odom_frame,
             base_frame=self._setup.base_frame,
+            map_frame=self._settings.frames.global_frame_id,
             static_transforms=tuple(self._recording.found.statics.values()),
         )
 
@@ -203,8 +204,8 @@ def _metadata(
     """What it takes to make the same trace again; no clock, no folders."""
     metadata: dict[str, object] = {
         "version": __version__,
-        "profile": arguments["profile"],
-        "model": arguments["model"],
+        "profile": settings.profile,
+        "model": settings.model,
         "seed": setup.localizer.seed,
         "temperature": {i.name: i.alpha for i in setup.instruments.values()},
         "parameters": settings.values(),

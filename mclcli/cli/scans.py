@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mclcli.cli.options import Chosen
     from mclcli.io.recording import Recording
     from mclcli.io.roles import Roles
-
 
 Message = TypeVar("Message")
 
@@ -37,13 +37,13 @@ class MountedScan:
     base_frame: str
 
 
-def find_scan(arguments: dict[str, Any]) -> MountedScan:
+def find_scan(arguments: dict[str, Any], chosen: Chosen) -> MountedScan:
     """The scan that SCAN, --at, --index, --scan-topic and --mount name."""
     source, mounts = arguments["scan"], arguments["mounts"]
     if source != "-" and not Path(source).exists():
         raise UsageError(f"{source}: no such file; name a LaserScan as YAML or JSON, a log, or - for stdin")
     if source != "-" and _is_log(Path(source)):
-        recording, parts = open_for_scan(Path(source), arguments["scan_topic"])
+        recording, parts = open_for_scan(Path(source), arguments["scan_topic"], chosen)
         scan = scan_of_log(recording, parts, arguments["at"], arguments["index"])
         return MountedScan(scan, mount_in_log(recording, parts, scan, mounts), parts.base_frame)
     for option in ("at", "index", "scan_topic"):
@@ -52,14 +52,23 @@ def find_scan(arguments: dict[str, Any]) -> MountedScan:
     return _scan_of_text(source, mounts)
 
 
-def open_for_scan(path: Path, topic: str | None) -> tuple[Recording, Roles]:
+def open_for_scan(path: Path, topic: str | None, chosen: Chosen | None = None) -> tuple[Recording, Roles]:
     """A log, and which of its topics holds the scans: the one named, else the one that ``mcl run`` would use."""
+    from mclcli.cli.wishes import names_in
     from mclcli.io import roles
     from mclcli.io.logs import open_log
     from mclcli.io.recording import Recording
 
     recording = Recording(open_log([path]))
-    return recording, roles.assign(recording.found, roles.Wishes(scan=(topic,) if topic else ()))
+    overruled = {"map_topic", "scan_topic"} if topic else {"map_topic"}
+    names = {} if chosen is None else names_in(recording.found, chosen, overruled)
+    scan = topic or names.get("scan_topic", "")
+    wished = roles.Wishes(
+        scan=(scan,) if scan else (),
+        base_frame=names.get("base_frame_id", ""),
+        odom_frame=names.get("odom_frame_id", ""),
+    )
+    return recording, roles.assign(recording.found, wished)
 
 
 def scan_of_log(recording: Recording, parts: Roles, at: str | None, index: int | None) -> LaserScan:

@@ -83,9 +83,10 @@ def command(**arguments: Any) -> None:
     from mclcli.filter import scoring, weights
     from mclcli.io.map_yaml import load_map
 
-    settings = options.build_settings(arguments, {"max_beams": 0})
+    chosen = options.choose_settings(arguments, {"max_beams": 0})
+    settings = chosen.settings
     grid = load_map(arguments["map_file"], max_cells=arguments["max_cells"], allow_outside=arguments["allow_outside"])
-    scan = find_scan(arguments)
+    scan = find_scan(arguments, chosen)
     candidates = score_poses.collect(arguments, grid)
     if arguments["explain"] or arguments["picture"]:
         explain.run(arguments, settings, grid, scan, candidates.poses)

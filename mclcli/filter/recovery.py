@@ -64,7 +64,7 @@ class RecoveryParameters:
 
     def __post_init__(self) -> None:
         validate(self)
-        if self.recovery_alpha_fast < self.recovery_alpha_slow:
+        if self.recovery_rule == "per_beam" and self.recovery_alpha_fast < self.recovery_alpha_slow:
             raise UsageError(
                 f"parameter recovery_alpha_fast = {self.recovery_alpha_fast:g}: must be at least recovery_alpha_slow = "
                 f"{self.recovery_alpha_slow:g}; see `mcl params`"

@@ -57,6 +57,7 @@ class Wishes:
     scan: tuple[str, ...] = ()
     odometry: str = ""
     vision: tuple[str, ...] = ()
+    map: str = ""
     base_frame: str = ""
     odom_frame: str = ""
 
@@ -75,7 +76,8 @@ def assign(found: LogSurvey, wishes: Wishes = Wishes()) -> Roles:
     odometry = wishes.odometry or _find_odometry(found, wishes, reasons)
     vision = wishes.vision or _find_vision(found)
     named = () if odometry in {"", TF} else (odometry,)
-    for names, types in ((scan, SCAN), (vision, SIGHTINGS), (named, ODOMETRY)):
+    mapped = (wishes.map,) if wishes.map else ()
+    for names, types in ((scan, SCAN), (vision, SIGHTINGS), (named, ODOMETRY), (mapped, MAP)):
         for name in names:
             _check(found, name, types)
     cameras.explain(found, vision, reasons)
@@ -85,7 +87,7 @@ def assign(found: LogSurvey, wishes: Wishes = Wishes()) -> Roles:
         odometry=odometry,
         vision=vision,
         truth=_find_truth(found, reasons),
-        map=_first(found.of_type(*MAP)),
+        map=wishes.map or _first(found.of_type(*MAP)),
         odom_frame=odom,
         base_frame=base,
         reasons=reasons,

@@ -36,10 +36,14 @@ _WORDS: dict[str, Value] = {
 @final
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """What a document may have at most: ``size`` [bytes], ``depth`` of nesting."""
+    """What a document may have at most: ``size`` [bytes], ``depth`` of nesting.
+
+    ``repeats``: a key may stand twice in a mapping; the last one counts, and ``Document.repeated`` names it.
+    """
 
     size: int = 64 * 1024
     depth: int = 8
+    repeats: bool = False
 
 
 MAP_LIMITS = Limits()
@@ -50,13 +54,15 @@ MAP_LIMITS = Limits()
 class Document:
     """One YAML document: its ``value`` in plain Python, and where everything in it stands.
 
-    ``name`` is the file's, for messages. ``more`` says that further documents follow in the file.
+    ``name`` is the file's, for messages. ``more`` says that further documents follow in the file. ``repeated`` are keys
+    that stand there twice, where the limits allow it.
     """
 
     value: Value
     name: str
     lines: dict[Path_, int]
     more: bool = False
+    repeated: frozenset[Path_] = frozenset()
 
     def line(self, *path: str | int) -> int:
         """Line from 1 of a key or item, named by the keys and indices that lead to it, or of what holds it."""
@@ -95,7 +101,7 @@ def parse(data: bytes, name: str, limits: Limits = MAP_LIMITS, *, several: bool 
     if directive := _DIRECTIVE.search(text):
         line = text.count("\n", 0, directive.start()) + 1
         raise InputError(f"{name}: a directive (%), line {line}; write it without")
-    builder = _Builder(_events(text, name), name, limits, {})
+    builder = _Builder(_events(text, name), name, limits, {}, set())
     value = builder.document()
     try:
         more = builder.goes_on()
@@ -105,7 +111,7 @@ def parse(data: bytes, name: str, limits: Limits = MAP_LIMITS, *, several: bool 
         more = True  # a stream of documents was cut off in the next one
     if more and not several:
         raise InputError(f"{name}: holds more than one document (---); keep one")
-    return Document(value, name, builder.lines, more)
+    return Document(value, name, builder.lines, more, frozenset(builder.repeated))
 
 
 def resolve(text: str) -> Value:
@@ -120,12 +126,13 @@ def resolve(text: str) -> Value:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class _Builder:
-    """Turns events into values, refusing on the way; ``lines`` is filled meanwhile."""
+    """Turns events into values, refusing on the way; ``lines`` and ``repeated`` are filled meanwhile."""
 
     events: Iterator[tuple[str, Any]]
     name: str
     limits: Limits
     lines: dict[Path_, int]
+    repeated: set[Path_]
 
     def document(self) -> Value:
         """Value of the first document."""
@@ -165,8 +172,10 @@ class _Builder:
         pairs: dict[str, Value] = {}
         while (step := next(self.events))[0] != "MappingEnd":
             key, line = self._key(*step, path), step[1].start_mark.line + 1
-            if key in pairs:
+            if key in pairs and not self.limits.repeats:
                 self._refuse(f"key '{clean(key, 40)}' stands there twice", line)
+            if key in pairs:
+                self.repeated.add((*path, key))
             self.lines[*path, key] = line
             pairs[key] = self._value(*next(self.events), (*path, key))
         return pairs

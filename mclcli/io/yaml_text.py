@@ -48,6 +48,8 @@ def _lines(mapping: Mapping[str, Any], indent: str) -> Iterator[str]:
 
 
 def _number(value: float) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
     if isinstance(value, int) or math.isfinite(value):
         return repr(value)
     return ".nan" if math.isnan(value) else ".inf" if value > 0.0 else "-.inf"

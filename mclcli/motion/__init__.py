@@ -45,14 +45,6 @@ MODELS: dict[str, Entry] = {
     "stationary": Entry(StationaryParameters, StationaryMotion),
 }
 
-# What nav2_amcl and Beluga call them in ``robot_model_type``.
-ALIASES = {
-    "nav2_amcl::DifferentialMotionModel": "differential",
-    "nav2_amcl::OmniMotionModel": "omnidirectional",
-    "differential_drive": "differential",
-    "omnidirectional_drive": "omnidirectional",
-}
-
 
 def _of(parameters: type[ParameterSet], name: str) -> Any:  # noqa: ANN401 - as dataclasses.field
     """The same parameter again: its default and description are stated once, beside the model."""

@@ -1,4 +1,4 @@
-"""``mcl info``, ``mcl extract`` and ``mcl params``: what they say, and that other commands can read it."""
+"""``mcl info`` and ``mcl extract``: what they say, and that other commands can read it."""
 
 from __future__ import annotations
 
@@ -9,16 +9,11 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from ruamel.yaml import YAML
 
-from mclcli import profiles
 from tests.cli.support import OFFICE, OFFICE_MAP, SAMPLES, Message, mcl, single_error, write_mcap
 from tests.data import shared
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from tests.cli.conftest import Runner
-
-SETTINGS = ("--set", "z_hit=0.7", "--set", "sigma_bearing=5deg", "--set", "max_beams=33", "--set", "base_frame_id=base")
 
 
 def facts(log: Path) -> Any:
@@ -149,44 +144,3 @@ def test_messages_that_are_none(short: Path) -> None:
     assert "it has /ground_truth" in single_error(mcl("extract", short, "--topic", "/none"), 2)
     assert "999" in single_error(mcl("extract", short, "--index", 999), 2)
     single_error(mcl("extract", short, "--index", 1, "--at", 1), 2)
-
-
-# params
-
-
-def test_params_lists_every_parameter_with_its_default() -> None:
-    result = mcl("params")
-    assert (result.code, result.err) == (0, "")
-    assert YAML(typ="safe", pure=True).load(result.out) == profiles.build({}).values()
-    assert all(" # " in line for line in result.out.decode().splitlines())
-
-
-def test_params_come_back_through_params(tmp_path: Path, run_short: Runner, short_track: bytes) -> None:
-    changed = mcl("params", *SETTINGS)
-    (tmp_path / "p.yaml").write_bytes(changed.out)
-    assert mcl("params", "--params", tmp_path / "p.yaml").out == changed.out
-    assert changed.out != mcl("params").out
-    values = YAML(typ="safe", pure=True).load(changed.out)
-    assert (values["z_hit"], values["max_beams"], values["base_frame_id"]) == (0.7, 33, "base")
-    (tmp_path / "defaults.yaml").write_bytes(mcl("params").out)
-    assert run_short("--params", tmp_path / "defaults.yaml").out == short_track
-
-
-def test_a_flag_goes_before_set_and_set_before_params(tmp_path: Path) -> None:
-    (tmp_path / "p.yaml").write_text("z_hit: 0.1\nz_rand: 0.2\n")
-    words = ("--params", tmp_path / "p.yaml", "--set", "z_hit=0.3")
-    values = YAML(typ="safe", pure=True).load(mcl("params", *words).out)
-    assert (values["z_hit"], values["z_rand"]) == (0.3, 0.2)
-
-
-def test_the_number_of_particles_of_the_flag_counts(run_short: Runner) -> None:
-    steps = run_short("--steps", "-", "--set", "particles=50").table  # the fixture gives --particles 300
-    assert set(steps["n"]) == {300.0}
-
-
-def test_parameters_that_are_none(tmp_path: Path) -> None:
-    (tmp_path / "p.yaml").write_text("sigma_hitt: 1\n")
-    assert "did you mean 'sigma_hit'?" in single_error(mcl("params", "--params", tmp_path / "p.yaml"), 2)
-    single_error(mcl("params", "--params", tmp_path / "none.yaml"), 2)
-    (tmp_path / "list.yaml").write_text("- 1\n")
-    assert "not a mapping" in single_error(mcl("params", "--params", tmp_path / "list.yaml"), 2)

@@ -157,3 +157,11 @@ def test_what_is_written_reads_back(value: dict[str, safe_yaml.Value]) -> None:
 )
 def test_words_that_look_like_something_else_stay_words(word: str) -> None:
     assert safe_yaml.parse(to_yaml({"a": word}).encode(), "m.yaml").value == {"a": word}
+
+
+def test_where_keys_may_stand_twice_the_last_counts_and_is_named() -> None:
+    text = b"a: {x: 1, y: 2}\na:\n  x: 3\nb: {z: 1, z: 2}\n"
+    document = safe_yaml.parse(text, "f.yaml", safe_yaml.Limits(repeats=True))
+    assert document.value == {"a": {"x": 3}, "b": {"z": 2}}
+    assert document.repeated == {("a",), ("b", "z")}
+    assert document.line("a", "x") == 3

@@ -10,7 +10,7 @@ import pytest
 
 from mclcli import motion, se2
 from mclcli.errors import UsageError
-from mclcli.motion import ALIASES, MODELS, MotionParameters
+from mclcli.motion import MODELS, MotionParameters
 from mclcli.parameters import described
 
 if TYPE_CHECKING:
@@ -118,11 +118,6 @@ def test_a_model_gets_its_own_values() -> None:
     chosen = MotionParameters(robot_model_type="omnidirectional", **alphas)  # type: ignore[arg-type]
     built: Any = motion.build(chosen)
     assert {name: getattr(built.parameters, name) for name in alphas} == alphas
-
-
-def test_the_names_of_others_lead_to_models() -> None:
-    assert set(ALIASES.values()) <= set(MODELS)
-    assert not set(ALIASES) & set(MODELS)
 
 
 def test_an_unknown_model_or_value_is_refused() -> None:
