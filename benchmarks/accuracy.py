@@ -14,10 +14,10 @@ import numpy as np
 
 import mclcli as mcl
 from mclcli.evaluate.metrics import absolute_pose_errors
-from mclcli.evaluate.trajectory import Trajectory
 from mclcli.io.landmarks_file import read_landmarks
 from mclcli.io.tum import read_tum
 from mclcli.records import Odometry, StampedPose
+from mclcli.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from mclcli.io.recording import Recording

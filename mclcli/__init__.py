@@ -11,42 +11,71 @@ from mclcli.version import __version__
 
 if TYPE_CHECKING:
     from mclcli.assemble import prepare
+    from mclcli.evaluate.association import Matching
+    from mclcli.evaluate.evaluation import Evaluation, Protocol
+    from mclcli.evaluate.evaluation import evaluate as evaluate_track
+    from mclcli.evaluate.events import Rule
+    from mclcli.evaluate.versus import Comparison
+    from mclcli.evaluate.versus import compare as compare_tracks
     from mclcli.filter.start import AlongPoses, Anywhere, AroundPose, AroundSeveral
     from mclcli.io.map_yaml import load_map
     from mclcli.io.recording import open_recording
+    from mclcli.io.stated import read_trajectory
     from mclcli.parameter_files.reading import load_settings
     from mclcli.profiles import build as settings
     from mclcli.replay import ReplayTally, replay
+    from mclcli.trajectory import Trajectory, track_of
 
 _HOMES = {
     "AlongPoses": "mclcli.filter.start",
     "Anywhere": "mclcli.filter.start",
     "AroundPose": "mclcli.filter.start",
     "AroundSeveral": "mclcli.filter.start",
+    "Comparison": "mclcli.evaluate.versus",
+    "Evaluation": "mclcli.evaluate.evaluation",
+    "Matching": "mclcli.evaluate.association",
+    "Protocol": "mclcli.evaluate.evaluation",
     "ReplayTally": "mclcli.replay",
+    "Rule": "mclcli.evaluate.events",
+    "Trajectory": "mclcli.trajectory",
+    "compare_tracks": "mclcli.evaluate.versus",
+    "evaluate_track": "mclcli.evaluate.evaluation",
     "load_map": "mclcli.io.map_yaml",
     "load_settings": "mclcli.parameter_files.reading",
     "open_recording": "mclcli.io.recording",
     "prepare": "mclcli.assemble",
+    "read_trajectory": "mclcli.io.stated",
     "replay": "mclcli.replay",
     "settings": "mclcli.profiles",
+    "track_of": "mclcli.trajectory",
 }
 
-_FUNCTIONS = {"settings": "build"}  # where the library's name differs
+# where the library's name differs
+_FUNCTIONS = {"settings": "build", "evaluate_track": "evaluate", "compare_tracks": "compare"}
 
 __all__ = [
     "AlongPoses",
     "Anywhere",
     "AroundPose",
     "AroundSeveral",
+    "Comparison",
+    "Evaluation",
+    "Matching",
+    "Protocol",
     "ReplayTally",
+    "Rule",
+    "Trajectory",
     "__version__",
+    "compare_tracks",
+    "evaluate_track",
     "load_map",
     "load_settings",
     "open_recording",
     "prepare",
+    "read_trajectory",
     "replay",
     "settings",
+    "track_of",
 ]
 
 

@@ -71,3 +71,15 @@ def _iso(text: str, option: str) -> int:
         moment = moment.replace(tzinfo=dt.UTC)
     since = moment - dt.datetime(1970, 1, 1, tzinfo=dt.UTC)
     return (since.days * 86_400 + since.seconds) * _SECOND + since.microseconds * 1000
+
+
+def clock_text(stamp_ns: int) -> str:
+    """Stamp as clock time in UTC, ``2022-09-23 21:09:35.123 UTC``; of a clock that did not know the year, ``@SECONDS``.
+
+    Simulated clocks start at 0 or so: what lies before 2001 is not taken for a date.
+    """
+    seconds, rest = divmod(stamp_ns, _SECOND)
+    if seconds < 1_000_000_000:
+        return f"@{stamp_ns * 1e-9:.3f}"
+    moment = dt.datetime(1970, 1, 1, tzinfo=dt.UTC) + dt.timedelta(seconds=seconds)
+    return f"{moment:%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d} UTC"

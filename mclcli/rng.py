@@ -17,6 +17,7 @@ class Purpose(IntEnum):
     KLD = 5
     SCATTER = 6
     LOT = 7
+    BOOTSTRAP = 101
 
 
 def stream(seed: int, purpose: Purpose, step: int = 0) -> np.random.Generator:

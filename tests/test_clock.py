@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli.clock import parse_seconds, parse_time
+from mclcli.clock import clock_text, parse_seconds, parse_time
 from mclcli.errors import UsageError
 
 FIRST = 1_663_967_375_800_000_001  # 2022-09-23T21:09:35.800000001Z
@@ -65,3 +65,18 @@ def test_durations() -> None:
     assert parse_seconds("0.1", "--duration") == 100_000_000
     with pytest.raises(UsageError, match="--duration"):
         parse_seconds("1 day", "--duration")
+
+
+@pytest.mark.parametrize(
+    ("stamp_ns", "text"),
+    [
+        (1_663_967_375_123_999_999, "2022-09-23 21:09:35.123 UTC"),
+        (1_715_697_000_000_000_000, "2024-05-14 14:30:00.000 UTC"),
+        (1_068_250_000_000, "@1068.250"),
+        (0, "@0.000"),
+        (2**63 - 1, "2262-04-11 23:47:16.854 UTC"),
+        (-500_000_000, "@-0.500"),
+    ],
+)
+def test_clock_text(stamp_ns: int, text: str) -> None:
+    assert clock_text(stamp_ns) == text

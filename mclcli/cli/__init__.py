@@ -18,6 +18,7 @@ COMMANDS = {
     "dt": "Compute (or find in the cache) the distance field of a map.",
     "score": "Score poses of a robot against one scan.",
     "run": "Run Monte Carlo Localization over a log.",
+    "eval": "Errors of tracks against a reference, with limits for CI.",
     "extract": "Print one message of a log, a laser scan ready for `mcl score -`.",
     "recover": "Save every whole message of a damaged log into a clean MCAP.",
     "params": "Print every parameter with its effective value and meaning.",

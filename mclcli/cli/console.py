@@ -59,6 +59,17 @@ def detail(message: str) -> None:
     logging.getLogger("mclcli").debug("%s", message)
 
 
+def block(text: str) -> None:
+    """Several lines for the user as they are, hidden by -q."""
+    if logging.getLogger("mclcli").isEnabledFor(logging.INFO):
+        click.echo(text, err=True)
+
+
+def error(message: str) -> None:
+    """One line that says why the exit code is not 0, where the command has finished all the same."""
+    logging.getLogger("mclcli").error("%s", message)
+
+
 def is_live() -> bool:
     """Whether progress can be shown: stderr is a terminal and -q was not given."""
     return sys.stderr.isatty() and logging.getLogger("mclcli").isEnabledFor(logging.INFO)

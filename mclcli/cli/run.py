@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from mclcli.cli.options import Chosen
     from mclcli.cli.run_outputs import Outputs
+    from mclcli.cli.run_references import References
     from mclcli.io.recording import Recording
     from mclcli.io.roles import Roles
     from mclcli.replay import ReplayTally, Setup
@@ -85,7 +86,12 @@ DAMAGED = 3
 )
 @click.option("--duration", metavar="S", help="How long to go on, in seconds.")
 @click.option("--strict", is_flag=True, help="Stop at the first damage in the log.")
-@click.option("--truth", metavar="FILE.tum|TOPIC", help="Reference for the picture and the summary; never an input.")
+@click.option(
+    "--truth", metavar="FILE.tum|TOPIC", help="Reference for picture and report, as for mcl eval; never an input."
+)
+@click.option(
+    "--versus", metavar="TOPIC|tf:FRAME", help="What the robot itself believed, /amcl_pose or tf:map: since when apart?"
+)
 @options.parameters
 @options.model
 @options.map_limits
@@ -98,6 +104,7 @@ def command(**arguments: Any) -> int:
     """
     from mclcli.cli import run_report, wishes
     from mclcli.cli.run_outputs import Outputs
+    from mclcli.cli.run_references import References, lines_of, report_of
     from mclcli.io.output import open_output
     from mclcli.replay import ReplayTally, replay
 
@@ -106,23 +113,26 @@ def command(**arguments: Any) -> int:
     settings, recording = chosen.settings, _open(arguments)
     parts = wishes.assign_roles(arguments, recording, chosen)
     grid, setup, landmarks = _set_up(arguments, recording, parts, chosen)
-    truth = run_report.read_truth(arguments["truth"], recording)
+    references = References(arguments["truth"], arguments["versus"], recording, setup)
     inputs = _inputs(arguments)
     if arguments["picture"]:
         open_output(arguments["picture"], binary=True, inputs=inputs)  # refuses now what it would refuse at the end
     tally = ReplayTally()
     with Outputs(arguments, recording, setup, settings, grid, landmarks, inputs) as outputs:
-        events = _events(recording, setup, outputs)
+        events = _events(recording, setup, outputs, references)
         with run_report.progress(recording) as show:
             for point in replay(events, setup, tally):
                 outputs.write(point)
                 show(point)
         _require_updates(tally, setup)
-    summary = run_report.summarise(recording, setup, tally, outputs.track, truth, time.perf_counter() - began)
+    summary = run_report.summarise(recording, setup, tally, outputs.track, time.perf_counter() - began)
     run_report.show(summary)
+    findings = references.findings(outputs.track)
+    compared = lines_of(findings)
+    run_report.show(compared, report_of(findings))
     if arguments["picture"]:
-        title = f"Track of {', '.join(recording.log.names)}"
-        run_report.draw(arguments["picture"], inputs, grid, outputs, truth, title, summary)
+        title, subtitle = f"Track of {', '.join(recording.log.names)}", (compared or summary)[0]
+        run_report.draw(arguments["picture"], inputs, grid, outputs, findings, title, subtitle)
     return DAMAGED if recording.tally.lossy else 0
 
 
@@ -200,12 +210,19 @@ def _find_map(arguments: dict[str, Any], recording: Recording, parts: Roles) -> 
     return grid
 
 
-def _events(recording: Recording, setup: Setup, outputs: Outputs) -> Iterator[tuple[str, object]]:
+def _events(
+    recording: Recording, setup: Setup, outputs: Outputs, references: References
+) -> Iterator[tuple[str, object]]:
     """Decoded messages that take part; transforms are passed on to traces that keep them."""
-    needed = setup.topics | (set(recording.found.transform_topics) if outputs.keeps_transforms else set())
+    needed = (
+        setup.topics
+        | references.topics
+        | (set(recording.found.transform_topics) if outputs.keeps_transforms else set())
+    )
     for topic, record in recording.events(needed):
         if isinstance(record, tuple):
             outputs.pass_on(record)
+        references.take(topic, record)
         yield topic, record
 
 

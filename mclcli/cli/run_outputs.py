@@ -6,12 +6,9 @@ import hashlib
 import json
 import re
 import sys
-from array import array
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, final
-
-import numpy as np
 
 from mclcli.cli import console
 from mclcli.errors import UsageError
@@ -19,14 +16,13 @@ from mclcli.io.output import Output, open_output
 from mclcli.io.trace_csv import StepsCsv, TraceCsv
 from mclcli.io.track_file import TrackCsv
 from mclcli.io.tum import TumWriter
+from mclcli.trajectory import Track
 from mclcli.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from types import TracebackType
     from typing import Self
-
-    from numpy.typing import NDArray
 
     from mclcli.io.recording import Recording
     from mclcli.io.trace_mcap import TraceMcap
@@ -40,30 +36,6 @@ if TYPE_CHECKING:
 # Options that change how mcl works or where it writes, not what comes out.
 _UNRECORDED = {"-o", "--output", "--track", "--steps", "--picture", "--threads", "--cache-dir", "--color"}
 _UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|-o.+")
-
-
-@final
-class Track:
-    """Poses so far, as compact columns."""
-
-    def __init__(self) -> None:
-        self._stamps = array("q")
-        self._numbers = array("d")
-
-    def append(self, point: TrackPoint) -> None:
-        """Take one point in."""
-        self._stamps.append(point.stamp_ns)
-        self._numbers.extend(point.estimate.pose)
-
-    @property
-    def stamps_ns(self) -> NDArray[np.int64]:
-        """Stamps (N,) int64."""
-        return np.array(self._stamps, dtype=np.int64)
-
-    @property
-    def poses(self) -> NDArray[np.float64]:
-        """Poses (N, 3) float64."""
-        return np.array(self._numbers, dtype=np.float64).reshape(-1, 3)
 
 
 @final

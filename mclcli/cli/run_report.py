@@ -4,44 +4,26 @@ from __future__ import annotations
 
 import time
 from contextlib import contextmanager
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mclcli.cli import console
-from mclcli.evaluate.metrics import PoseErrors, absolute_pose_errors
-from mclcli.evaluate.trajectory import Trajectory
 from mclcli.text import clean
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
-    from mclcli.cli.run_outputs import Outputs, Track
+    from mclcli.cli.run_outputs import Outputs
+    from mclcli.cli.run_references import Findings
     from mclcli.io.recording import Recording
     from mclcli.records import TrackPoint
     from mclcli.replay import ReplayTally, Setup
+    from mclcli.trajectory import Track
     from mclcli.world.occupancy import OccupancyGrid
 
 _REDRAW_S = 0.1
-
-
-def read_truth(text: str | None, recording: Recording) -> Trajectory | None:
-    """Reference named by --truth: a topic of the log or a file."""
-    from mclcli.cli.run_start import names_topic, stated_poses
-    from mclcli.io.tum import read_tum
-
-    if text is None:
-        return None
-    if not names_topic(text, recording):
-        stated = read_tum(text)
-        return Trajectory(stated.stamps_ns, stated.poses)
-    poses = {pose.stamp_ns: pose.pose for pose in stated_poses(recording, text)}
-    stamps = sorted(poses)
-    return Trajectory(np.array(stamps, dtype=np.int64), np.array([poses[stamp] for stamp in stamps]))
 
 
 @contextmanager
@@ -83,18 +65,7 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
         yield show
 
 
-@final
-@dataclass(frozen=True, slots=True, eq=False)
-class Summary:
-    """Lines for the user, and the errors against the reference where there is one."""
-
-    lines: tuple[str, ...]
-    errors: PoseErrors | None
-
-
-def summarise(
-    recording: Recording, setup: Setup, tally: ReplayTally, track: Track, truth: Trajectory | None, seconds: float
-) -> Summary:
+def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Track, seconds: float) -> list[str]:
     """What the run did, in a few lines."""
     stamps = track.stamps_ns
     driven = (int(stamps[-1]) - int(stamps[0])) * 1e-9 if stamps.size else 0.0
@@ -109,15 +80,7 @@ def summarise(
             f"odometry {clean(setup.odometry)}: {tally.odometry_gaps} gaps over 1 s, the longest "
             f"{tally.longest_gap_ns * 1e-9:.1f} s; interpolated"
         )
-    lines += _events_of(setup, tally) + _unread(recording)
-    errors = None
-    if truth is not None:
-        errors = absolute_pose_errors(Trajectory(stamps, track.poses), truth)
-        lines.append(
-            f"against the reference: RMSE {errors.translation_rmse:.3f} m, {np.degrees(errors.yaw_rmse):.2f}°, "
-            f"largest {errors.translation.max():.3f} m, at {errors.translation.size} of {errors.total} stamps"
-        )
-    return Summary(tuple(lines), errors)
+    return lines + _events_of(setup, tally) + _unread(recording)
 
 
 def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
@@ -132,10 +95,12 @@ def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
     return [text.format(count) for text, count in told.items() if count]
 
 
-def show(summary: Summary) -> None:
-    """Print the summary on stderr."""
-    for line in summary.lines:
+def show(lines: Sequence[str], report: str = "") -> None:
+    """Print lines, and a report below them, on stderr."""
+    for line in lines:
         console.remark(line)
+    if report:
+        console.block(report)
 
 
 def draw(
@@ -143,42 +108,31 @@ def draw(
     inputs: Sequence[Path],
     grid: OccupancyGrid | None,
     outputs: Outputs,
-    truth: Trajectory | None,
+    findings: Findings,
     title: str,
-    summary: Summary,
+    subtitle: str,
 ) -> None:
-    """Picture of map, track, reference and final particles."""
-    from mclcli.cli import pictures
+    """Picture of map, track, reference, belief and final particles; below it errors and differences over time."""
+    from mclcli.cli import eval_pictures, pictures
+    from mclcli.render.evaluation import floor_around
     from mclcli.render.track import draw_track
 
-    track = outputs.track
+    track, last = outputs.track, outputs.last_step
     stamps = track.stamps_ns
-    last = outputs.last_step
+    span = int(stamps.min()), int(stamps.max())
+    belief = None if findings.comparison is None else findings.comparison.belief
     picture = draw_track(
-        grid if grid is not None else _blank(track.poses),
+        grid if grid is not None else floor_around(track.poses),
         track.poses,
         stamps_s=(stamps - stamps[0]) * 1e-9,
-        truth=None if truth is None else _during(truth, stamps),
+        truth=None if findings.truth is None else eval_pictures.during(findings.truth, *span),
+        belief=None if belief is None else belief.poses,
         cloud=None if last is None else last.poses,
         cloud_weights=None if last is None else last.weights,
         title=title,
-        subtitle=summary.lines[-1] if summary.errors else summary.lines[0],
+        subtitle=subtitle,
     )
-    pictures.save(picture, target, inputs)
-
-
-def _blank(poses: NDArray[np.float64]) -> OccupancyGrid:
-    """Empty floor around a track, for runs without a map."""
-    from mclcli.world.occupancy import OccupancyGrid
-
-    low, high = poses[:, :2].min(axis=0) - 2.0, poses[:, :2].max(axis=0) + 2.0
-    columns, rows = np.ceil((high - low) / 0.1).astype(int)
-    return OccupancyGrid(np.zeros((rows, columns), np.int8), 0.1, np.array([*low, 0.0]))
-
-
-def _during(truth: Trajectory, stamps: NDArray[np.int64]) -> NDArray[np.float64]:
-    first, last = np.searchsorted(truth.stamps_ns, [stamps[0], stamps[-1] + 1])
-    return truth.poses[first:last]
+    pictures.save(eval_pictures.with_findings(picture, findings, span[0]), target, inputs)
 
 
 def _skipped(tally: ReplayTally, topic: str) -> str:

@@ -28,6 +28,7 @@ def draw_track(
     stamps_s: NDArray[np.float64] | None = None,
     segments: NDArray[np.int64] | None = None,
     truth: NDArray[np.float64] | None = None,
+    belief: NDArray[np.float64] | None = None,
     cloud: NDArray[np.float64] | None = None,
     cloud_weights: NDArray[np.float64] | None = None,
     title: str,
@@ -47,6 +48,8 @@ def draw_track(
         (N,) number of the stretch each pose belongs to; the line breaks where it changes. None: one stretch.
     truth
         Reference (M, 3), drawn dashed beneath the track.
+    belief
+        What the robot itself believed (K, 3), drawn dashed as well.
     cloud
         Particles (P, 3) at the end of the track.
     cloud_weights
@@ -65,16 +68,18 @@ def draw_track(
 
     """
     poses, truth, cloud = (points_of(a, 3, name) for a, name in ((poses, "poses"), (truth, "truth"), (cloud, "cloud")))
+    belief = points_of(belief, 3, "belief")
     stamps = _per_row(stamps_s, len(poses), "stamps_s")
     if segments is not None and np.shape(segments) != (len(poses),):
         raise ValueError(f"segments: expected {len(poses)} numbers, got shape {np.shape(segments)}")
     weights = _per_row(cloud_weights, len(cloud), "cloud_weights")
-    canvas = open_canvas(grid, np.concatenate([poses, truth])[:, :2])
+    canvas = open_canvas(grid, np.concatenate([poses, truth, belief])[:, :2])
     marks.stroke_dashed(canvas.image, canvas.to_pixel(truth), palette.CRIMSON, 1.7)
+    marks.stroke_dashed(canvas.image, canvas.to_pixel(belief), palette.AMBER, 1.7)
     spread = _draw_cloud(canvas, cloud, weights)
     _draw_line(canvas, poses, stamps, segments)
     _draw_ends(canvas, poses)
-    legend = _legend(poses, stamps, truth, cloud, spread=spread)
+    legend = _legend(poses, stamps, truth, belief, cloud, spread=spread)
     return page.compose(canvas, title=title, subtitle=subtitle, legend=legend, bar=_bar(stamps))
 
 
@@ -147,6 +152,7 @@ def _legend(
     poses: NDArray[np.float64],
     stamps: NDArray[np.float64] | None,
     truth: NDArray[np.float64],
+    belief: NDArray[np.float64],
     cloud: NDArray[np.float64],
     *,
     spread: bool,
@@ -156,6 +162,7 @@ def _legend(
     entries = [
         (len(poses) > 1, track),
         (len(truth) > 0, LegendItem("dashes", "reference", palette.CRIMSON)),
+        (len(belief) > 0, LegendItem("dashes", "what the robot believed", palette.AMBER)),
         (len(poses) > 1, LegendItem("ring", "start")),
         (len(poses) > 0, LegendItem("arrow", "end" if len(poses) > 1 else "pose")),
         (len(cloud) > 0, LegendItem("dots", f"{len(cloud):,} particles at the end", palette.AMBER)),

@@ -110,7 +110,7 @@ _GOOD = "1 0 0 0 0 0 0 1\n"
         ("", "holds no pose;"),
         ("# only\n", "holds no pose;"),
         ("\x1b[31m 0 0 0 0 0 0 1\n", r"'\x1b[31m' is not a stamp"),
-        (b"\x89MCAP0\r\n\xff\xfe\x00", "fields instead of 8, line 1;"),
+        (b"\x89MCAP0\r\n\xff\xfe\x00", "is not text; of a log name a topic"),
     ],
 )
 def test_errors_name_the_line(tmp_path: Path, text: str | bytes, message: str) -> None:
@@ -134,3 +134,18 @@ def test_a_real_reference_reads() -> None:
     assert found.poses.shape == (910, 3)
     assert np.all(np.diff(found.stamps_ns) > 0)
     assert not found.poses.flags.writeable
+
+
+def test_a_later_segment_overrules_what_it_covers(tmp_path: Path) -> None:
+    poses = ("1,0,0,0,1,0", "2,0,0,0,1,0", "3,0,0,0,0,0", "1.5,9,0,0,1,1", "4,9,0,0,0,1")
+    rows = ["stamp,x,y,yaw,updated,segment", *poses]
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join(rows))
+    found = read_tum(path)
+    assert found.stamps_ns.tolist() == [1_000_000_000, 1_500_000_000, 4_000_000_000]
+    assert found.poses[:, 0].tolist() == [0.0, 9.0, 9.0]
+    assert found.updated is not None
+    assert found.updated.tolist() == [True, True, False]
+    path.write_text("\n".join([*rows[:4], "1.5,9,0,0,1,0"]))
+    with pytest.raises(InputError, match="does not increase, line 5"):
+        read_tum(path)

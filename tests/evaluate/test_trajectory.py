@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mclcli import se2
 from mclcli.errors import InputError
 from mclcli.evaluate.metrics import absolute_pose_errors
-from mclcli.evaluate.trajectory import Trajectory
+from mclcli.trajectory import Track, Trajectory, in_order
 from tests.support import SECOND
 
 if TYPE_CHECKING:
@@ -97,6 +97,27 @@ def test_a_reference_of_another_time_is_an_error() -> None:
 def test_large_stamps_keep_their_nanoseconds() -> None:
     epoch = 1_700_000_000 * SECOND
     line = Trajectory(np.array([epoch, epoch + 1000]), np.array([[0.0, 0, 0], [1.0, 0, 0]]))
-    poses, covered = line.at(np.array([epoch + 1, epoch + 1001]), GAP)
-    assert covered.tolist() == [True, False]
+    poses, covered = line.at(np.array([epoch + 1]), GAP)
+    assert covered.tolist() == [True]
     assert poses[0, 0] == pytest.approx(0.001)
+
+
+def test_a_pose_is_met_to_a_millisecond() -> None:
+    sparse = trajectory((0, 0, 0, 0), (10, 10, 0, 0))
+    ticks = np.array([-2, -1, 0, 1, 2, 9998, 9999, 10_000, 10_001, 10_002], dtype=np.int64) * 10**6
+    poses, covered = sparse.at(ticks, GAP)
+    assert covered.tolist() == [False, True, True, True, False, False, True, True, True, False]
+    np.testing.assert_allclose(poses[covered, 0], [0.0, 0.0, 0.001, 9.999, 10.0, 10.0], atol=1e-12)
+
+
+@given(st.lists(st.integers(0, 9), max_size=12))
+def test_what_is_said_later_overrules(stamps: list[int]) -> None:
+    said = list(enumerate(stamps))
+    wanted = [(s, float(i)) for i, s in said if all(s < later for _, later in said[i + 1 :])]
+    poses = np.array([[i, 0.0, 0.0] for i in range(len(stamps))], dtype=np.float64).reshape(-1, 3)
+    found = in_order(np.array(stamps, dtype=np.int64), poses)
+    assert list(zip(found.stamps_ns.tolist(), found.poses[:, 0].tolist(), strict=True)) == wanted
+
+
+def test_an_empty_track_is_empty() -> None:
+    assert Track().trajectory.stamps_ns.size == 0

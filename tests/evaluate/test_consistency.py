@@ -1,0 +1,79 @@
+"""NEES, its average, and the bands it belongs in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mclcli.evaluate.association import associate
+from mclcli.evaluate.consistency import anees_band, anees_over_runs, chi2_band, consistency, nees
+from mclcli.trajectory import Trajectory
+from tests.evaluate.drives import drive
+from tests.reference import evaluation as naive
+
+COVARIANCE = np.array([[0.04, 0.01, 0.002], [0.01, 0.09, -0.003], [0.002, -0.003, 0.01]])
+
+
+def sampled(seed: int, count: int, factor: float = 1.0) -> tuple[Trajectory, Trajectory]:
+    """A track whose errors are drawn from the covariance it states, times a factor."""
+    reference = drive(np.arange(count) * 0.5)
+    error = np.random.default_rng(seed).multivariate_normal(np.zeros(3), factor * COVARIANCE, count)
+    spread = np.broadcast_to(COVARIANCE, (count, 3, 3))
+    return Trajectory(reference.stamps_ns, reference.poses + error, spread), reference
+
+
+@pytest.mark.parametrize(  # Bronstein, table of quantiles of χ²
+    ("degrees", "low", "high"), [(3, 0.215795, 9.348404), (30, 16.790772, 46.979242), (150, 117.984518, 185.800447)]
+)
+def test_quantiles(degrees: int, low: float, high: float) -> None:
+    assert chi2_band(degrees) == pytest.approx((low, high), abs=1e-5)
+    assert anees_band(degrees // 3) == pytest.approx((low / degrees, high / degrees), abs=1e-6)
+
+
+@given(st.integers(0, 10_000))
+def test_nees(seed: int) -> None:
+    pairs = associate(*sampled(seed, 4))
+    _, found = nees(pairs)
+    errors = (pairs.estimated - pairs.expected).tolist()
+    wanted = [naive.nees((e[0], e[1], naive.wrap(e[2])), COVARIANCE.tolist()) for e in errors]
+    np.testing.assert_allclose(found, wanted, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [(1.0, 0), (4.0, 1), (0.25, -1)])
+def test_honest_covariances_are_told_from_others(factor: float, verdict: int) -> None:
+    found = consistency(associate(*sampled(5, 400, factor)))
+    assert found is not None
+    side = int(found.anees > found.band[1]) - int(found.anees < found.band[0])
+    assert side == verdict
+    assert found.anees == pytest.approx(factor, rel=0.15)
+    assert (found.count, found.singular) == (400, 0)
+    if verdict == 0:
+        assert found.inside == pytest.approx(0.95, abs=0.03)
+
+
+def test_the_band_holds_what_it_says() -> None:
+    low, high = anees_band(50)
+    runs = [nees(associate(*sampled(seed, 40)))[1] for seed in range(50)]
+    averages = anees_over_runs(runs)
+    assert averages.shape == (40,)
+    assert np.mean((averages >= low) & (averages <= high)) > 0.85
+
+
+def test_singular_covariances_and_carried_poses_are_left_out() -> None:
+    track, reference = sampled(1, 6)
+    spread = np.array(track.covariances)
+    spread[2] = 0.0
+    spread[3] = np.ones((3, 3))
+    updated = np.array([True, True, True, True, False, True])
+    found = consistency(associate(Trajectory(track.stamps_ns, track.poses, spread, updated), reference))
+    assert found is not None
+    assert (found.count, found.singular) == (3, 2)
+
+
+def test_without_covariances_nothing_is_said() -> None:
+    track, reference = sampled(1, 6)
+    assert consistency(associate(reference, reference)) is None
+    nothing = Trajectory(track.stamps_ns, track.poses, np.zeros((6, 3, 3)))
+    assert consistency(associate(nothing, reference)) is None
