@@ -145,7 +145,7 @@ TABLE: tuple[Name, ...] = (
     Name("spatial_resolution_theta", None, 0.174532925199433, NOTHING, _BINS, only=True),
     _same("resample_interval", 1, low=1),
     Name("selective_resampling", None, False, "resample_ess", "", {True: 0.5, False: 1.0}),
-    _same("recovery_alpha_slow", 0.0),
+    _same("recovery_alpha_slow", 0.0, "0 is no recovery there; above 0 it comes with `recovery=uniform`"),
     _same("recovery_alpha_fast", 0.0),
     _same("update_min_d", 0.25),
     _same("update_min_a", 0.2),

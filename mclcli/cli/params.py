@@ -6,7 +6,7 @@ from typing import Any
 
 import click
 
-from mclcli.cli import options
+from mclcli.cli import console, options
 
 
 @click.command("params", short_help="Print every parameter with its effective value and meaning.")
@@ -32,6 +32,9 @@ def command(**arguments: Any) -> None:
         from mclcli.io.params_yaml import format_params
 
         click.echo(format_params(chosen.settings.stated(), _comments()), nl=False)
+        if chosen.file is not None and chosen.file.start is not None:
+            x, y, yaw = (float(value) for value in chosen.file.start.pose)
+            console.remark(f"the start is no parameter, give it to mcl run: --init {x:g},{y:g},{yaw:g}")
 
 
 def _comments() -> dict[str, str]:

@@ -42,6 +42,7 @@ def assign_roles(arguments: dict[str, Any], recording: Recording, chosen: Chosen
         map=names["map_topic"],
         base_frame=names["base_frame_id"],
         odom_frame=names["odom_frame_id"],
+        map_frame=chosen.settings.frames.global_frame_id,
     )
     parts = roles.assign(recording.found, wishes)
     for role in ("scan", "odometry"):
@@ -63,7 +64,7 @@ def names_in(found: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) 
         elif chosen.file is not None and key in chosen.wishes:
             named[key] = ros_names.find(found, key, name, chosen.file.namespace)
             if not named[key]:
-                console.remark(f"{chosen.file.name}: {key} '{name}' is not in the log; it is found as without it")
+                console.remark(f"{chosen.file.name}: {key} '{name}' is not in the log; chosen as if not given")
         elif name and key.endswith("topic"):
             named[key] = f"/{name.lstrip('/')}"
     return named

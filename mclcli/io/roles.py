@@ -60,6 +60,7 @@ class Wishes:
     map: str = ""
     base_frame: str = ""
     odom_frame: str = ""
+    map_frame: str = "map"
 
 
 def assign(found: LogSurvey, wishes: Wishes = Wishes()) -> Roles:
@@ -182,5 +183,6 @@ def _odom_ancestor(found: LogSurvey, base: str, wishes: Wishes) -> str:
                 f"frame '{wishes.odom_frame}' is not above '{base}'; frames: {', '.join(found.frames.frames)}"
             )
         return wishes.odom_frame
-    above = [p for f in chain if (p := found.frames.parent(f)) and found.frames.moves(f) and p not in {"map", "world"}]
+    maps = {"map", "world", wishes.map_frame}
+    above = [p for f in chain if (p := found.frames.parent(f)) and found.frames.moves(f) and p not in maps]
     return next((frame for frame in above if "odom" in frame), above[-1] if above else "")

@@ -87,7 +87,7 @@ def _parameters(file: ParameterFile, node: str) -> NodeParameters:
 def _refuse_unknown(name: str, block: Block) -> None:
     for key, given in block.values.items():
         if key not in nav2_names.NAMES and not nav2_names.is_of_any_node(key):
-            hint = nearest_name(key, list(nav2_names.NAMES)) or "; delete it"
+            hint = nearest_name(key, [*nav2_names.NAMES, *nav2_names.OF_ANY_NODE]) or "; delete it"
             raise UsageError(
                 f"{name}: neither nav2_amcl nor Beluga has a parameter '{clean(key, 60)}', line {given.line}{hint}"
             )

@@ -186,6 +186,8 @@ def _translated(
             values[row.becomes] = row.words.get(value, value)
     if "pf_z" in values:
         values["kld_quantile"] = "z"
+    if float(values.get("recovery_alpha_slow", 0.0)) > 0.0:
+        values["recovery"] = "uniform"  # there the rates are the only switch
     return values, idle
 
 

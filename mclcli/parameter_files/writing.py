@@ -43,11 +43,11 @@ def _is_navs(name: str) -> bool:
 
 
 def _expressed(settings: Settings) -> dict[str, Value]:
-    """Every parameter of nav2_amcl that the settings have a value for which it can take."""
+    """Every parameter of nav2_amcl, for this lidar model, that the settings have a value for which it can take."""
     values = settings.values()
     expressed: dict[str, Value] = {"laser_model_type": settings.model}
     for row in nav2_names.TABLE:
-        if row.nav2 is not None and row.becomes in values:
+        if row.nav2 is not None and row.becomes in values and (not row.models or settings.model in row.models):
             value = _in_navs_words(row, values)
             if value is not None:
                 expressed[row.name] = value
@@ -61,6 +61,8 @@ def _in_navs_words(row: Name, values: Mapping[str, Value]) -> Value | None:
     if row.name == "pf_z" and values["kld_quantile"] == "probability":
         quantile = NormalDist().inv_cdf(float(value))
         return quantile if quantile > 0.0 else None
+    if row.name.startswith("recovery_alpha") and values["recovery"] == "off":
+        return 0.0  # nav2_amcl has no other switch
     if row.kind is str:
         return value or None
     return None if row.low is not None and float(value) < row.low else value

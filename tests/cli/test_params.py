@@ -114,6 +114,7 @@ def test_a_robots_file_brings_its_profile_and_model(tmp_path: Path) -> None:
     assert "controller" not in result.err
     assert "mcl: warning: " in result.err
     assert "pf_z = 0.95" in result.err
+    assert "--init 1.5,-2,0.5" in result.err
     assert values_of(mcl("params", "--params", tmp_path / "beluga.yaml"))["profile"] == "beluga"
 
 

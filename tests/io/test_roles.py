@@ -55,6 +55,12 @@ def test_the_highest_moving_frame_below_the_map_serves_where_none_is_called_odom
     assert (roles.odometry, roles.odom_frame) == ("tf", "wheels")
 
 
+def test_the_maps_frame_may_have_another_name() -> None:
+    log = log_of(("/scan", LASER), moving=(("hall", "wheels"), ("wheels", "base_link")))
+    assert assign(log).odom_frame == "hall"
+    assert assign(log, Wishes(map_frame="hall")).odom_frame == "wheels"
+
+
 def test_a_recorded_map_to_base_is_no_odometry() -> None:
     assert assign(log_of(("/scan", LASER), moving=(("map", "base_link"),))).odometry == ""
 

@@ -6,13 +6,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given
+from hypothesis import settings as hypothesis_settings
+from hypothesis import strategies as st
 
 from mclcli import load_settings, profiles
-from mclcli.errors import UsageError
+from mclcli.errors import MclError, UsageError
 from tests.parameter_files.robots import BELUGA, NAV2, amcl, read
 
 if TYPE_CHECKING:
+    import random
     from pathlib import Path
+
+
+GARBAGE = "az09.:-_/*#&!|>{}[]'\"\n\t %@,é\u202e\0"
 
 
 def refused(folder: Path, text: str) -> str:
@@ -254,6 +261,34 @@ def test_what_the_user_wants_goes_before_the_file(tmp_path: Path) -> None:
 def test_pf_z_stays_a_quantile_whatever_the_profile(tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text(amcl("pf_z: 2.5"))
     assert load_settings(tmp_path / "robot.yaml", profile="textbook").kld.z == 2.5
+
+
+def test_the_robots_rates_of_recovery_switch_it_on_whatever_the_profile(tmp_path: Path) -> None:
+    path = tmp_path / "robot.yaml"
+    path.write_text(amcl("recovery_alpha_slow: 0.001", "recovery_alpha_fast: 0.1"))
+    assert load_settings(path, profile="textbook").recovery.enabled
+    assert not load_settings(path, {"recovery": "off"}, profile="textbook").recovery.enabled
+    path.write_text(amcl("recovery_alpha_slow: 0.0", "recovery_alpha_fast: 0.0"))
+    assert not load_settings(path, profile="textbook").recovery.enabled
+    path.write_text(amcl("recovery_alpha_slow: 0.1", "recovery_alpha_fast: 0.05"))  # nav2_amcl takes that
+    assert load_settings(path).recovery.recovery_alpha_fast == 0.05
+
+
+@given(st.sampled_from([NAV2, BELUGA]), st.randoms(use_true_random=False))
+@hypothesis_settings(suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+def test_a_garbled_file_is_read_or_refused_in_one_line(tmp_path: Path, text: str, rng: random.Random) -> None:
+    letters = list(text)
+    for _ in range(rng.randint(1, 4)):
+        at = rng.randrange(len(letters))
+        letters[at : at + rng.randint(0, 9)] = rng.choices(GARBAGE, k=rng.randint(0, 3))
+    path = tmp_path / "robot.yaml"
+    path.write_text("".join(letters), encoding="utf-8")
+    try:
+        said = f"{path}: {load_settings(path).profile}"
+    except MclError as error:
+        said = str(error)
+    assert said.startswith(f"{path}: ")
+    assert "\n" not in said
 
 
 def test_mcls_own_files_name_profile_and_model(tmp_path: Path) -> None:

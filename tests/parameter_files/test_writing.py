@@ -128,6 +128,22 @@ def test_a_probability_is_written_as_the_quantile_that_nav2_takes_it_for() -> No
     assert float(written["amcl.pf_z"]) == pytest.approx(2.3263478740408408, rel=1e-12)
 
 
+def test_a_filter_that_does_not_recover_is_written_as_one() -> None:
+    off = dict(scalars(to_nav2(profiles.build({}))))
+    assert (off["amcl.recovery_alpha_slow"], off["amcl.recovery_alpha_fast"]) == ("0.0", "0.0")
+    on = dict(scalars(to_nav2(profiles.build({"recovery": "uniform"}))))
+    assert (on["amcl.recovery_alpha_slow"], on["amcl.recovery_alpha_fast"]) == ("0.001", "0.1")
+    assert "mcl.recovery" not in on
+
+
+def test_what_the_robot_was_given_for_another_lidar_model_stays(tmp_path: Path) -> None:
+    (tmp_path / "nav2.yaml").write_text(NAV2)
+    file = load(tmp_path / "nav2.yaml", model="likelihood_field")
+    written = dict(scalars(to_nav2(settings_of(file, {}, model="likelihood_field"), file)))
+    assert (written["amcl.do_beamskip"], written["amcl.z_max"]) == ("true", "0.06")
+    assert written["amcl.laser_model_type"] == '"likelihood_field"'
+
+
 def test_what_nav2_cannot_take_is_not_written_for_it() -> None:
     settings = profiles.build({"max_beams": 0, "robot_model_type": "stationary"}, profile="nav2")
     written = dict(scalars(to_nav2(settings)))
