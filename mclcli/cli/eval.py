@@ -160,13 +160,16 @@ def _facts(
     """What --json prints; names of keys are part of it."""
     from dataclasses import asdict
 
+    from mclcli.evaluate.consistency import consistency_over_runs
     from mclcli.evaluate.evaluation import as_plain
 
+    together = consistency_over_runs([e.pairs for e in evaluations])
     return {
         "truth": truth,
         "protocol": asdict(protocol),
         "tracks": [as_plain(e) for e in evaluations],
         "summary": {name: asdict(found) for name, found in several.items()} or None,
+        "anees_over_tracks": None if together is None else asdict(together),
         "missed": [{"track": name, "limit": sentence} for name, sentence in complaints],
     }
 

@@ -47,7 +47,8 @@ def describe_all(evaluations: Sequence[Evaluation], spreads: dict[str, Spread], 
     """Several tracks: a row each, then median and mean of every figure with their bootstrap bands."""
     rule = _bounds(protocol.converged)
     note = f"converged: under {rule} for {protocol.converged.seconds:g} s; bands: bootstrap over tracks, 5 to 95 %"
-    return "\n".join([rendered(_tracks_table(evaluations)), "", rendered(_spread_table(spreads)), "", note])
+    tables = [rendered(_tracks_table(evaluations)), "", rendered(_spread_table(spreads)), "", note]
+    return "\n".join([*tables, *_moments(evaluations)])
 
 
 def rendered(table: Table) -> str:
@@ -136,6 +137,16 @@ def _consistency(e: Evaluation) -> list[str]:
     if c.singular:
         lines.append(f"{c.singular} updates state no regular covariance and are left out of it")
     return lines
+
+
+def _moments(evaluations: Sequence[Evaluation]) -> list[str]:
+    from mclcli.evaluate.consistency import consistency_over_runs
+
+    found = consistency_over_runs([e.pairs for e in evaluations])
+    if found is None:
+        return []
+    share = f"{100 * found.inside:.1f} % of the ANEES within {found.band[0]:.2f} to {found.band[1]:.2f}"
+    return [f"at each of {found.moments} updates that all made: {share}, the 95 % band of runs with independent noise"]
 
 
 def _bounds(rule: Rule, word: str = " and ") -> str:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli.evaluate.association import associate
-from mclcli.evaluate.consistency import anees_band, anees_over_runs, chi2_band, consistency, nees
+from mclcli.evaluate.consistency import anees_band, anees_over_runs, chi2_band, consistency, consistency_over_runs, nees
 from mclcli.trajectory import Trajectory
 from tests.evaluate.drives import drive
 from tests.reference import evaluation as naive
@@ -59,6 +61,27 @@ def test_the_band_holds_what_it_says() -> None:
     averages = anees_over_runs(runs)
     assert averages.shape == (40,)
     assert np.mean((averages >= low) & (averages <= high)) > 0.85
+
+
+def test_many_drives_are_averaged_moment_by_moment() -> None:
+    drives = [associate(*sampled(seed, 40)) for seed in range(50)]
+    found = consistency_over_runs(drives)
+    assert found is not None
+    assert (found.runs, found.moments, found.band) == (50, 40, anees_band(50))
+    assert found.inside > 0.85
+    proud = consistency_over_runs([associate(*sampled(seed, 40, 2.0)) for seed in range(50)])
+    assert proud is not None
+    assert proud.inside < 0.1
+    assert consistency_over_runs(drives[:1]) is None
+
+
+def test_moments_are_those_at_which_all_made_an_update() -> None:
+    first, second = (associate(*sampled(seed, 10)) for seed in (1, 2))
+    thinned = replace(second, updated=np.arange(10) % 2 == 0)
+    found = consistency_over_runs([first, thinned])
+    assert found is not None
+    assert found.moments == 5
+    assert consistency_over_runs([replace(first, updated=np.arange(10) % 2 == 1), thinned]) is None
 
 
 def test_singular_covariances_and_carried_poses_are_left_out() -> None:
