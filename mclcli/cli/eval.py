@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mclcli.evaluate.evaluation import Evaluation, Protocol
+    from mclcli.evaluate.spread import Spread
     from mclcli.trajectory import Trajectory
 
 DAMAGED, MISSED = 3, 4
@@ -134,27 +135,32 @@ def _print(
 ) -> None:
     """Everything found, on standard output."""
     from mclcli.evaluate.spread import spreads
-    from mclcli.text import clean
+    from mclcli.io.output import open_output
 
     several = spreads(evaluations, arguments["seed"]) if len(evaluations) > 1 else {}
     if arguments["as_json"]:
-        click.echo(json.dumps(_facts(arguments["truth"], evaluations, protocol, several, complaints), indent=2))
-        return
+        text = json.dumps(_facts(arguments["truth"], evaluations, protocol, several, complaints), indent=2)
+    else:
+        text = _report(arguments["truth"], evaluations, protocol, several)
+    with open_output("-", binary=False) as output:
+        output.write(f"{text}\n")
+
+
+def _report(truth: str, evaluations: Sequence[Evaluation], protocol: Protocol, several: dict[str, Spread]) -> str:
+    """What people read."""
     from mclcli.cli.eval_report import describe, describe_all
+    from mclcli.text import clean
 
     if len(evaluations) == 1:
-        click.echo(f"{clean(evaluations[0].name)} against {clean(arguments['truth'])}")
-        click.echo(describe(evaluations[0], protocol))
-    else:
-        click.echo(f"{len(evaluations)} tracks against {clean(arguments['truth'])}\n")
-        click.echo(describe_all(evaluations, several, protocol))
+        return f"{clean(evaluations[0].name)} against {clean(truth)}\n{describe(evaluations[0], protocol)}"
+    return f"{len(evaluations)} tracks against {clean(truth)}\n\n{describe_all(evaluations, several, protocol)}"
 
 
 def _facts(
     truth: str,
     evaluations: Sequence[Evaluation],
     protocol: Protocol,
-    several: dict[str, Any],
+    several: dict[str, Spread],
     complaints: Sequence[tuple[str, str]],
 ) -> dict[str, Any]:
     """What --json prints; names of keys are part of it."""

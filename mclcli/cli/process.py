@@ -6,11 +6,11 @@ import os
 import signal
 import sys
 import traceback
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, final
 
 import click
 
-from mclcli.errors import MclError
+from mclcli.errors import InputError, MclError
 from mclcli.text import clean
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ INTERNAL_ERROR = 70
 def run(group: click.Group, args: list[str]) -> int:
     """Run the command line; returns the exit code. ``--debug`` shows the traceback as well."""
     signal.signal(signal.SIGTERM, _terminate)
+    if sys.stdout is None:  # as Python leaves it where the shell closed it (``>&-``)
+        sys.stdout = _ClosedOutput()
     try:
         # Not group.main(): it turns a closed pipe into exit code 1 before we see it.
         with group.make_context("mcl", args) as context:
@@ -34,6 +36,27 @@ def run(group: click.Group, args: list[str]) -> int:
             traceback.print_exc()
         return _explain(error)
     return code if isinstance(code, int) else 0
+
+
+@final
+class _ClosedOutput:
+    """Stands for a standard output that is closed: what would be lost there is an error, all else goes on."""
+
+    closed = True
+    encoding = "utf-8"
+    errors = "strict"
+
+    def write(self, text: str) -> NoReturn:
+        """Refuse any text but none."""
+        del text
+        raise InputError("standard output: cannot write: it is closed; name a file with -o")
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def isatty(self) -> bool:
+        """No terminal."""
+        return False
 
 
 def _explain(error: Exception) -> int:

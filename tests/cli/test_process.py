@@ -207,13 +207,29 @@ def test_an_interrupt_before_anything_is_written_leaves_nothing(tmp_path: Path) 
     assert "Traceback" not in result.err
 
 
-def test_a_closed_stdout() -> None:
-    shell = ["bash", "-c", 'exec "$@" >&-', "bash", sys.executable, "-c", ENTRY, "score"]
-    words = [SAMPLES / "reference_set3.yaml", "--map", REFERENCE_MAP, "--pose", "0,0,0"]
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("score", SAMPLES / "reference_set3.yaml", "--map", REFERENCE_MAP, "--pose", "0,0,0"),
+        ("info", OFFICE),
+        ("params",),
+        ("eval", SAMPLES / "office.truth.tum", "--truth", SAMPLES / "office.truth.tum"),
+    ],
+)
+def test_a_closed_stdout(words: tuple[object, ...]) -> None:
+    shell = ["bash", "-c", 'exec "$@" >&-', "bash", sys.executable, "-c", ENTRY]
     done = subprocess.run([*shell, *map(str, words)], capture_output=True, check=False, timeout=60)
     assert done.returncode == 1
     assert "closed" in done.stderr.decode()
     assert "Traceback" not in done.stderr.decode()
+
+
+def test_a_closed_stdout_that_nobody_needs(short: Path, tmp_path: Path) -> None:
+    shell = ["bash", "-c", 'exec "$@" >&-', "bash", sys.executable, "-c", ENTRY]
+    track = tmp_path / "track.csv"
+    words = ("run", short, "--map", OFFICE_MAP, "--init", "/initialpose", "--particles", 50, "--track", track)
+    done = subprocess.run([*shell, *map(str, words)], capture_output=True, check=False, timeout=60)
+    assert (done.returncode, track.exists()) == (0, True), done.stderr.decode()
 
 
 def test_an_installed_script_finds_the_program() -> None:
