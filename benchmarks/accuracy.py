@@ -1,4 +1,4 @@
-"""Errors on real logs over several seeds: ``python -m benchmarks.accuracy [--data FOLDER] [--seeds N] [LOG...]``.
+"""Errors on real logs over several seeds: ``python -m benchmarks.accuracy [--data FOLDER] [--seeds N] [CASE...]``.
 
 Prints the table of docs/accuracy.md. The logs are not part of this repository; those that are missing are left out.
 """
@@ -6,7 +6,7 @@ Prints the table of docs/accuracy.md. The logs are not part of this repository; 
 from __future__ import annotations
 
 import argparse
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,21 +16,33 @@ import mclcli as mcl
 from mclcli.evaluate.metrics import absolute_pose_errors
 from mclcli.io.landmarks_file import read_landmarks
 from mclcli.io.tum import read_tum
-from mclcli.records import Odometry, StampedPose
+from mclcli.records import LandmarkSightings, Odometry, StampedPose
 from mclcli.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
     from mclcli.io.recording import Recording
 
 
 @dataclass(frozen=True)
 class Case:
-    """A log, its map or landmarks, and its reference: a TUM file, or a topic of the log."""
+    """A log, its map or landmarks, and its reference: a TUM file, or a topic of the log.
+
+    ``misread`` is the share of sighted ids to be replaced by those of other landmarks, drawn with the run's seed.
+    """
 
     log: str
     reference: str
     grid: str = ""
     landmarks: str = ""
+    model: str = "likelihood_field"
+    misread: float = 0.0
+
+
+def _mrclam(robot: int, misread: float = 0.0) -> Case:
+    log = f"mrclam/dataset6_robot{robot}"
+    return Case(f"{log}.mcap", f"{log}.truth.tum", landmarks="mrclam/landmarks.yaml", misread=misread)
 
 
 CASES = {
@@ -43,12 +55,11 @@ CASES = {
         "birmingham/trace0.bag", "birmingham/trace0.on_map_from_trace0.tum", "birmingham/map_from_trace1.yaml"
     ),
     "simpath2": Case("birmingham/simpath2.bag", "/base_pose_ground_truth", "birmingham/meeting_world.yaml"),
-    "mrclam robot 1": Case(
-        "mrclam/dataset6_robot1.mcap", "mrclam/dataset6_robot1.truth.tum", landmarks="mrclam/landmarks.yaml"
-    ),
-    "mrclam robot 3": Case(
-        "mrclam/dataset6_robot3.mcap", "mrclam/dataset6_robot3.truth.tum", landmarks="mrclam/landmarks.yaml"
-    ),
+    "intel, beam": Case("intel/intel.mcap", "intel/truth.tum", "intel/intel.yaml", model="beam"),
+    "mrclam robot 1": _mrclam(1),
+    "mrclam robot 3": _mrclam(3),
+    "mrclam robot 1, 20 % of ids misread": _mrclam(1, 0.2),
+    "mrclam robot 3, 20 % of ids misread": _mrclam(3, 0.2),
 }
 
 
@@ -66,18 +77,38 @@ def rmse(case: Case, data: Path, seed: int) -> tuple[float, float]:
     recording = mcl.open_recording(data / case.log)
     reference = reference_of(case, data, recording)
     poses = zip(reference.stamps_ns, reference.poses, strict=True)
+    landmarks = read_landmarks(data / case.landmarks) if case.landmarks else None
     setup = mcl.prepare(
         recording.found,
         recording.roles(),
         grid=mcl.load_map(data / case.grid) if case.grid else None,
-        landmarks=read_landmarks(data / case.landmarks) if case.landmarks else None,
+        landmarks=landmarks,
+        settings=mcl.settings({}, model=case.model),
         start=mcl.AlongPoses([StampedPose(int(stamp), "map", pose) for stamp, pose in poses]),
         seed=seed,
     )
-    points = list(mcl.replay(recording.events(setup.topics), setup))
+    events: Iterable[tuple[str, object]] = recording.events(setup.topics)
+    if landmarks is not None and case.misread:
+        events = misread(events, case.misread, landmarks.ids, seed)
+    points = list(mcl.replay(events, setup))
     track = Trajectory(np.array([p.stamp_ns for p in points]), np.array([p.estimate.pose for p in points]))
     errors = absolute_pose_errors(track, reference)
     return errors.translation_rmse, float(errors.translation[-1])
+
+
+def misread(
+    events: Iterable[tuple[str, object]], share: float, ids: tuple[str, ...], seed: int
+) -> Iterator[tuple[str, object]]:
+    """The same log where this share of the sightings, drawn at random, bears the id of any landmark."""
+    draws = np.random.default_rng(seed)
+    for topic, record in events:
+        if not isinstance(record, LandmarkSightings):
+            yield topic, record
+            continue
+        wrong = draws.random(len(record.ids)) < share
+        others = draws.choice(ids, len(record.ids))
+        seen = tuple(str(o) if w else i for i, o, w in zip(record.ids, others, wrong, strict=True))
+        yield topic, replace(record, ids=seen)
 
 
 def main() -> None:

@@ -11,12 +11,10 @@ from mclcli.filter.recovery import FromAnywhere, Proposal
 from mclcli.filter.start import Anywhere, AroundPose, Start, WhenTold
 from mclcli.records import LandmarkSightings, LaserScan, PixelSightings
 from mclcli.replay import Setup
-from mclcli.sensors.beam import BeamModel
 from mclcli.sensors.bearing import BearingModel
 from mclcli.sensors.instruments import Camera, Lidar
-from mclcli.sensors.likelihood_field import LikelihoodField
+from mclcli.sensors.models import LIDAR_MODELS
 from mclcli.world import distance_field
-from mclcli.world.raycast import make_caster
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -28,7 +26,7 @@ if TYPE_CHECKING:
     from mclcli.io.survey import LogSurvey
     from mclcli.profiles import Settings
     from mclcli.sensors.instruments import Instrument, LidarModel
-    from mclcli.world.distance_field import DistanceField, Method
+    from mclcli.world.distance_field import DistanceField
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
 
@@ -156,21 +154,10 @@ def lidar_model(
         If no cell of the map is occupied: every pose would score the same.
 
     """
-    if settings.model == "beam":
-        _require_obstacles(grid)
-        caster = make_caster(grid, method=settings.beam.raycast, ray_unknown=settings.beam.ray_unknown)
-        return BeamModel(caster, settings.beam, threads)
-    parameters = settings.likelihood_field
-    method: Method = "brushfire" if parameters.field_method == "brushfire" else "exact"
-    field = make_field(
-        grid,
-        method,
-        parameters.laser_likelihood_max_dist,
-        boundary_only=parameters.obstacles == "boundary",
-        mark_unknown=parameters.field_unknown == "uniform",
-    )
+    entry = LIDAR_MODELS[settings.model]
+    model = entry.make(grid, getattr(settings, entry.group), make_field, job_size, threads)
     _require_obstacles(grid)
-    return LikelihoodField(field, parameters, job_size, threads)
+    return model
 
 
 def _require_obstacles(grid: OccupancyGrid) -> None:

@@ -60,7 +60,7 @@ def rays(camera: CameraModel, pixels: NDArray[np.float64], *, rectified: bool) -
     x, y = _through(camera.k, full)
     with np.errstate(all="ignore"):  # what lies beyond the lens's reach ends as NaN
         straight = _straightened(camera, x, y)
-    return straight @ _rotation(camera).T
+    return np.asarray(np.einsum("mi,ji->mj", straight, _rotation(camera)))  # no BLAS: same bits for any number
 
 
 def _problem_of_lens(model: str, coefficients: NDArray[np.float64]) -> str:

@@ -19,6 +19,7 @@ from mclcli.sensors.beam import BeamParameters
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingParameters
 from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
+from mclcli.sensors.models import LIDAR_MODELS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -98,7 +99,7 @@ SOURCES: dict[str, str] = {
     "frames": "REP 105; nav2_amcl",
 }
 # Lidar models, and the group that each has its parameters in.
-MODELS = {"likelihood_field": "likelihood_field", "likelihood_field_prob": "likelihood_field", "beam": "beam"}
+MODELS = {name: entry.group for name, entry in LIDAR_MODELS.items()}
 
 # What a profile changes of the textbook's defaults, for all models and for one. Beluga's and nav2's differences are
 # described, with their sources, in docs/models.md.
@@ -148,20 +149,34 @@ _BELUGA: dict[str, Value] = {
     **_NO_RECOVERY,
     "recovery_rule": "normalised",
 }
-# nav2_amcl and Beluga share these defaults; they sum to 1.1.
-_BEAM: dict[str, Value] = {"z_hit": 0.5, "z_short": 0.05, "z_max": 0.05, "z_rand": 0.5}
 _CUBES: dict[str, Value] = {"combination": "one_plus_cubes"}
+# nav2_amcl and Beluga share these defaults; they sum to 1.1.
+_BEAM: dict[str, Value] = {"z_hit": 0.5, "z_short": 0.05, "z_max": 0.05, "z_rand": 0.5, "weights_sum_to_1": "no"}
+_NAV2_BEAM: dict[str, Value] = {
+    **_BEAM,
+    **_CUBES,
+    "beam_form": "nav2",
+    "raycast": "bresenham_nav2",
+    "max_range": "as_read",
+}
+_BELUGA_BEAM: dict[str, Value] = {
+    **_BEAM,
+    "combination": "cubes",
+    "beam_form": "beluga",
+    "raycast": "bresenham_beluga",
+    "beam_origin": "base",
+}
 PROFILES: dict[str, dict[str, dict[str, Value]]] = {
     "textbook": {"likelihood_field": {}, "likelihood_field_prob": {}, "beam": {"max_range": "no_return"}},
     "nav2": {
         "likelihood_field": {**_NAV2, **_CUBES},
         "likelihood_field_prob": {**_NAV2, "beam_subsampling": "stride_ceil"},
-        "beam": {**_NAV2, **_BEAM, "beam_form": "nav2", "raycast": "bresenham_nav2", "max_range": "as_read"},
+        "beam": {**_NAV2, **_NAV2_BEAM},
     },
     "beluga": {
         "likelihood_field": {**_BELUGA, **_CUBES},
         "likelihood_field_prob": {**_BELUGA, "obstacles": "occupied"},
-        "beam": {**_BELUGA, **_BEAM, "beam_form": "beluga", "raycast": "bresenham_beluga", "beam_origin": "base"},
+        "beam": {**_BELUGA, **_BELUGA_BEAM},
     },
 }
 

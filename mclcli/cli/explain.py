@@ -12,10 +12,9 @@ from mclcli.errors import UsageError
 from mclcli.io.output import open_output
 from mclcli.io.writers import csv_text
 from mclcli.sensors import beams, bearing
-from mclcli.sensors.beam import BeamModel
-from mclcli.sensors.explain import COMPONENTS, Explanation, explain_beams, explain_bearings, explain_field
+from mclcli.sensors.explain import COMPONENTS, Explanation, explain_bearings
 from mclcli.sensors.instruments import Camera, Lidar
-from mclcli.sensors.likelihood_field import LikelihoodField
+from mclcli.sensors.models import LIDAR_MODELS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -48,7 +47,7 @@ def run(
     rows = [
         (instrument.name, row)
         for instrument, reading, mount in instruments(arguments, settings, grid, scan, 1)
-        for row in _explain(instrument, reading, mount, poses[0])
+        for row in _explain(instrument, reading, mount, poses[0], settings.model)
     ]
     inputs = input_files(arguments)
     if arguments["explain"]:
@@ -61,14 +60,11 @@ def run(
 
 
 def _explain(
-    instrument: Lidar | Camera, reading: Reading, mount: NDArray[np.float64], pose: NDArray[np.float64]
+    instrument: Lidar | Camera, reading: Reading, mount: NDArray[np.float64], pose: NDArray[np.float64], model: str
 ) -> list[Explanation]:
     if isinstance(instrument, Lidar):
         selected = beams.select(reading, mount, instrument.selection)  # type: ignore[arg-type]
-        if isinstance(instrument.model, BeamModel):
-            return explain_beams(instrument.model, selected, pose)
-        assert isinstance(instrument.model, LikelihoodField)  # noqa: S101 - there are two lidar models
-        return explain_field(instrument.model, selected, pose)
+        return LIDAR_MODELS[model].explain(instrument.model, selected, pose)
     seen = bearing.observe(reading, mount, instrument.landmarks)  # type: ignore[arg-type]
     return explain_bearings(instrument.model, seen, pose)
 

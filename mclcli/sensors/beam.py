@@ -51,13 +51,22 @@ class BeamParameters:
     )
     no_return: str = parameter(
         "mixture",
-        "a reading of r_max: all components add up there, or the probability that there is nothing nearer",
+        "a reading of r_max: all components add up there, or the probability that there is nothing nearer "
+        "(beam_form=textbook)",
         choices=("mixture", "censored"),
     )
     beam_form: str = parameter(
         "textbook",
-        "densities and Σ log p, or as nav2_amcl: log(1 + Σ p³), or as Beluga: log Σ p³",
+        "components as proper densities, or as nav2_amcl or Beluga have them",
         choices=tuple(beam_forms.FORMS),
+    )
+    combination: str = parameter(
+        "log",
+        "beams combine as Σ log p, as log(1 + Σ p³) or as log Σ p³",
+        choices=tuple(beam_forms.COMBINATIONS),
+    )
+    weights_sum_to_1: str = parameter(
+        "yes", "the four weights must sum to 1 ± 1e-6, or need not", choices=("yes", "no")
     )
     raycast: str = parameter(
         "exact", "how expected ranges are found: entering a cell, or on Bresenham's line", choices=CAST_METHODS
@@ -67,10 +76,10 @@ class BeamParameters:
     def __post_init__(self) -> None:
         validate(self)
         total = self.z_hit + self.z_short + self.z_max + self.z_rand
-        if self.beam_form == "textbook" and not abs(total - 1.0) <= 1e-6:
+        if self.weights_sum_to_1 == "yes" and not abs(total - 1.0) <= 1e-6:
             raise UsageError(
-                f"parameters z_hit + z_short + z_max + z_rand = {total:.9g}: must be 1 with beam_form=textbook; "
-                "see `mcl params`"
+                f"parameters z_hit + z_short + z_max + z_rand = {total:.9g}: must be 1; "
+                "change one of them, or give --set weights_sum_to_1=no"
             )
 
 
@@ -120,7 +129,7 @@ class BeamModel:
         return self.components(r, r_star, r_max).total()
 
     def _combine(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
-        return beam_forms.COMBINATIONS[self.parameters.beam_form](likelihood)
+        return beam_forms.COMBINATIONS[self.parameters.combination](likelihood)
 
     def _perfect(self, beams: Beams) -> NDArray[np.float64]:
         """Expected ranges (B,) that equal the readings; far beyond r_max where there was no return."""

@@ -130,4 +130,4 @@ def cubes(likelihood: Array) -> Array:
 
 
 FORMS: Final[dict[str, Form]] = {"textbook": textbook, "nav2": nav2, "beluga": beluga}
-COMBINATIONS: Final[dict[str, Combination]] = {"textbook": sum_of_logs, "nav2": one_plus_cubes, "beluga": cubes}
+COMBINATIONS: Final[dict[str, Combination]] = {"log": sum_of_logs, "one_plus_cubes": one_plus_cubes, "cubes": cubes}

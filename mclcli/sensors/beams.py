@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli.errors import InputError
+from mclcli.errors import InputError, UsageError
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
@@ -68,6 +68,11 @@ class BeamSelection:
 
     def __post_init__(self) -> None:
         validate(self)
+        if self.range_of_rand == "parameter" and not self.laser_max_range > 0.0:
+            raise UsageError(
+                f"parameter laser_max_range = {self.laser_max_range:g}: must be above 0 with range_of_rand=parameter; "
+                "set it, or --set range_of_rand=smaller"
+            )
 
 
 @final
@@ -210,7 +215,9 @@ def _directions(
         angles = _nav2_angles(scan, base_from_sensor, chosen)
         return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     angles = scan.angle_min + chosen.astype(np.float64) * scan.angle_increment
-    return np.stack([np.cos(angles), np.sin(angles)], axis=-1) @ base_from_sensor[:2, :2].T
+    cos, sin = np.cos(angles), np.sin(angles)
+    (a, b), (c, d) = base_from_sensor[:2, :2].tolist()  # term by term: what BLAS adds up depends on the number of beams
+    return np.stack([a * cos + b * sin, c * cos + d * sin], axis=-1)
 
 
 def _nav2_angles(

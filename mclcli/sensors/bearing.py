@@ -67,7 +67,7 @@ def observe(sightings: LandmarkSightings, base_from_sensor: NDArray[np.float64],
 
     A ray straight up or down has no bearing; it counts as unknown.
     """
-    rays = sightings.rays @ base_from_sensor[:3, :3].T
+    rays = np.einsum("mi,ji->mj", sightings.rays, base_from_sensor[:3, :3])  # no BLAS: same bits for any number
     index = landmarks.lookup(sightings.ids)
     level = np.hypot(rays[:, 0], rays[:, 1]) > 1e-9 * np.linalg.norm(rays, axis=1)
     known = (index >= 0) & level

@@ -12,11 +12,14 @@ import numpy as np
 from mclcli import profiles, se3
 from mclcli.io.map_yaml import load_map
 from mclcli.records import LaserScan
+from mclcli.world import distance_field
 from mclcli.world.occupancy import OccupancyGrid
 from tests.data import golden
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from mclcli.world.distance_field import DistanceField
 
 CASES = (
     "c1_olin_identity",
@@ -76,6 +79,20 @@ def laser_case(name: str) -> LaserCase:
     )
     transform = se3.from_quaternion(mount["xyz"], mount["quaternion_xyzw"])
     return LaserCase(grid_of(case["map"]), scan, transform, np.array(case["particles"], dtype=np.float64))
+
+
+@functools.cache
+def nav2_field(name: str, max_dist: float) -> DistanceField:
+    """The field that nav2_amcl itself had made, wrong cells included (README of the golden files)."""
+    grid = grid_of(name)
+    code = np.load(golden("nav2_fields.npz"))[f"{name}_{max_dist:.0f}"]
+    exact = distance_field.compute(grid, "exact", 1e3)
+    squares = np.rint((exact.metres() / grid.resolution) ** 2).astype(np.int64)
+    reach = int(max_dist / grid.resolution)
+    squares = np.where(code == 0, squares, squares + code)
+    saturated = (code == 32767) | ((code == 0) & (squares > reach * reach))
+    metres = np.float32(np.sqrt(squares) * grid.resolution).astype(np.float64)
+    return distance_field.from_metres(grid, np.where(saturated, max_dist, metres), max_dist)
 
 
 def settings_of(

@@ -15,8 +15,7 @@ from mclcli.sensors.beam_skipping import BeamSkipping
 from mclcli.sensors.endpoints import Anchoring
 from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.world import distance_field
-from tests.data import golden
-from tests.golden.lasers import CASES, SETS, LaserCase, grid_of, laser_case, numbers, read, settings_of, worst
+from tests.golden.lasers import CASES, SETS, LaserCase, laser_case, nav2_field, numbers, read, settings_of, worst
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
     from mclcli.profiles import Settings
     from mclcli.sensors.beams import Beams
     from mclcli.world.distance_field import DistanceField
+    from tests.golden.conftest import Note
 
 TOLERANCE = 1e-9
 
@@ -32,20 +32,6 @@ TOLERANCE = 1e-9
 def exact_field(case: str, max_dist: float, *, boundary: bool = False, unknown: bool = False) -> DistanceField:
     grid = laser_case(case).grid
     return distance_field.compute(grid, "exact", max_dist, boundary_only=boundary, mark_unknown=unknown)
-
-
-@functools.cache
-def nav2_field(name: str, max_dist: float) -> DistanceField:
-    """The field that nav2_amcl itself had made, wrong cells included (README of the golden files)."""
-    grid = grid_of(name)
-    code = np.load(golden("nav2_fields.npz"))[f"{name}_{max_dist:.0f}"]
-    exact = distance_field.compute(grid, "exact", 1e3)
-    squares = np.rint((exact.metres() / grid.resolution) ** 2).astype(np.int64)
-    reach = int(max_dist / grid.resolution)
-    squares = np.where(code == 0, squares, squares + code)
-    saturated = (code == 32767) | ((code == 0) & (squares > reach * reach))
-    metres = np.float32(np.sqrt(squares) * grid.resolution).astype(np.float64)
-    return distance_field.from_metres(grid, np.where(saturated, max_dist, metres), max_dist)
 
 
 def chosen(case: LaserCase, settings: Settings) -> Beams:
@@ -60,7 +46,7 @@ def log_likelihood(case: LaserCase, settings: Settings, field: DistanceField) ->
 @pytest.mark.parametrize("model", ["likelihood_field", "likelihood_field_prob"])
 @pytest.mark.parametrize("parameters", SETS)
 @pytest.mark.parametrize("name", CASES)
-def test_nav2_weighs_like_the_original(name: str, parameters: str, model: str) -> None:
+def test_nav2_weighs_like_the_original(note: Note, name: str, parameters: str, model: str) -> None:
     """On an exact field, on nav2's own field, and with the same beams."""
     case, wanted = laser_case(name), read("nav2_laser.json")["cases"][name][parameters]
     settings = settings_of("nav2_laser.json", name, parameters, "nav2", model)
@@ -68,9 +54,12 @@ def test_nav2_weighs_like_the_original(name: str, parameters: str, model: str) -
     assert chosen(case, settings).indices.tolist() == wanted[model]["beam_indices_contributing"]
     exact = wanted[f"{model}_exact_edt"]
     expected = numbers(exact["log_factor"]) if "log_factor" in exact else np.log(numbers(exact["factor"]))
-    assert worst(log_likelihood(case, settings, exact_field(name, max_dist)), expected) <= TOLERANCE
+    found = worst(log_likelihood(case, settings, exact_field(name, max_dist)), expected)
+    assert note("nav2_laser.json", f"{model}, exact field", found, expected.size) <= TOLERANCE
     own = nav2_field(read("cases.json")["cases"][name]["map"], max_dist)
-    assert worst(log_likelihood(case, settings, own), numbers(wanted[model]["log_factor"])) <= TOLERANCE
+    expected = numbers(wanted[model]["log_factor"])
+    found = worst(log_likelihood(case, settings, own), expected)
+    assert note("nav2_laser.json", f"{model}, nav2's own field", found, expected.size) <= TOLERANCE
 
 
 SKIPPING = ("beamskip", "beamskip_forced_all", "beamskip_strict", "beamskip_error_branch")
@@ -79,7 +68,7 @@ SKIPPING = ("beamskip", "beamskip_forced_all", "beamskip_strict", "beamskip_erro
 @pytest.mark.parametrize("variant", SKIPPING)
 @pytest.mark.parametrize("parameters", SETS)
 @pytest.mark.parametrize("name", CASES)
-def test_nav2_skips_the_same_beams(name: str, parameters: str, variant: str) -> None:
+def test_nav2_skips_the_same_beams(note: Note, name: str, parameters: str, variant: str) -> None:
     case = laser_case(name)
     wanted = read("nav2_laser.json")["cases"][name][parameters][f"likelihood_field_prob_{variant}"]
     settings = settings_of("nav2_laser.json", name, parameters, "nav2", "likelihood_field_prob")
@@ -98,6 +87,7 @@ def test_nav2_skips_the_same_beams(name: str, parameters: str, variant: str) -> 
     if kept is None:
         assert wanted["error_branch"]
         assert np.isneginf(log_factor).all()
+        note("nav2_laser.json", "beam skipping, all weights 0", 0.0, log_factor.size)
         return
     if not wanted["error_branch"]:
         slots = np.searchsorted(wanted["beam_indices_visited"], selected.indices)
@@ -105,19 +95,29 @@ def test_nav2_skips_the_same_beams(name: str, parameters: str, variant: str) -> 
         mask[slots[kept]] = True
         assert mask.tolist() == [bool(value) for value in wanted["beam_slot_mask"]]
     model = LikelihoodField(field, settings.likelihood_field)
-    found = model.measure("lidar", selected.subset(kept)).log_likelihood(poses)
-    assert worst(found, log_factor) <= TOLERANCE
+    found = worst(model.measure("lidar", selected.subset(kept)).log_likelihood(poses), log_factor)
+    assert note("nav2_laser.json", "beam skipping, masks identical", found, log_factor.size) <= TOLERANCE
 
 
 @pytest.mark.parametrize("parameters", SETS)
 @pytest.mark.parametrize("name", CASES)
-def test_beluga_weighs_like_the_original(name: str, parameters: str) -> None:
+def test_beluga_weighs_like_the_original(note: Note, name: str, parameters: str) -> None:
     """On an exact field. Where no cell is unknown, marking unknown cells changes nothing."""
     case, wanted = laser_case(name), read("beluga_laser.json")["cases"][name][parameters]
-    for model, key, changes in (
-        ("likelihood_field", "likelihood_field/exact_edt,unknown=0,boundaries=0", {"obstacles": "occupied"}),
-        ("likelihood_field", "likelihood_field/exact_edt,unknown=1,boundaries=1", {"field_unknown": "uniform"}),
-        ("likelihood_field_prob", "likelihood_field_prob_exact_edt", {}),
+    for what, model, key, changes in (
+        (
+            "likelihood_field",
+            "likelihood_field",
+            "likelihood_field/exact_edt,unknown=0,boundaries=0",
+            {"obstacles": "occupied"},
+        ),
+        (
+            "likelihood_field, unknown space, boundaries",
+            "likelihood_field",
+            "likelihood_field/exact_edt,unknown=1,boundaries=1",
+            {"field_unknown": "uniform"},
+        ),
+        ("likelihood_field_prob", "likelihood_field_prob", "likelihood_field_prob_exact_edt", {}),
     ):
         settings = settings_of("beluga_laser.json", name, parameters, "beluga", model, **changes)
         p = settings.likelihood_field
@@ -133,14 +133,17 @@ def test_beluga_weighs_like_the_original(name: str, parameters: str) -> None:
         exact = wanted[key]
         expected = numbers(exact["log_factor"]) if "log_factor" in exact else np.log(numbers(exact["factor"]))
         normal = expected > math.log(sys.float_info.min)  # below, the original's product underflows
-        assert worst(found[normal], expected[normal]) <= TOLERANCE, key
+        difference = worst(found[normal], expected[normal])
+        assert note("beluga_laser.json", f"{what}, exact field", difference, int(normal.sum())) <= TOLERANCE
         assert (found[~normal] < math.log(sys.float_info.min)).all()
 
 
 @pytest.mark.parametrize("parameters", SETS)
 @pytest.mark.parametrize("name", CASES)
-def test_beluga_projects_the_same_points(name: str, parameters: str) -> None:
+def test_beluga_projects_the_same_points(note: Note, name: str, parameters: str) -> None:
     """Its wrapper holds angles in single precision: hence a tolerance of 12 m times half a unit of the last place."""
     case, wanted = laser_case(name), read("beluga_laser.json")["cases"][name][parameters]
     settings = settings_of("beluga_laser.json", name, parameters, "beluga", "likelihood_field")
-    np.testing.assert_allclose(chosen(case, settings).endpoints, wanted["points_base_frame"], rtol=0, atol=5e-6)
+    points = np.array(wanted["points_base_frame"])
+    found = float(np.abs(chosen(case, settings).endpoints - points).max())
+    assert note("beluga_laser.json", "endpoints [m]", found, points.size) <= 5e-6

@@ -1,6 +1,5 @@
 from __future__ import annotations
 
-import json
 import logging
 import os
 from typing import TYPE_CHECKING
@@ -14,7 +13,7 @@ from mclcli.errors import InputError, UsageError
 from mclcli.io.image import Raster
 from mclcli.io.map_description import MapDescription
 from mclcli.io.map_yaml import load_map, rule, to_cells
-from tests.data import golden, shared
+from tests.data import shared
 from tests.io.map_files import CELLS, PGM, load, write_map
 
 if TYPE_CHECKING:
@@ -36,14 +35,6 @@ def test_a_small_map(tmp_path: Path) -> None:
 def _description(mode: str, negate: object, occupied: float, free: float) -> MapDescription:
     assert mode in {"trinary", "scale", "raw"}
     return MapDescription("m.pgm", 0.05, (0.0, 0.0, 0.0), bool(negate), occupied, free, mode)  # type: ignore[arg-type]
-
-
-def test_every_gray_value_as_nav2_takes_it() -> None:
-    tables = json.loads(golden("map_rules.json").read_text())["tables"]
-    assert len(tables) == 18
-    for table in tables:
-        found = rule(_description(table["mode"], table["negate"], table["occupied_thresh"], table["free_thresh"]))
-        assert found.tolist() == table["values"], table["mode"]
 
 
 @pytest.mark.parametrize(("free", "cell"), [("0.196", -1), ("0.25", 0)])

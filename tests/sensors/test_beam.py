@@ -14,7 +14,7 @@ from scipy import integrate, special
 
 from mclcli.errors import UsageError
 from mclcli.sensors.beam import BeamModel, BeamParameters
-from mclcli.sensors.beam_forms import FLOOR, FORMS
+from mclcli.sensors.beam_forms import COMBINATIONS, FLOOR, FORMS
 from mclcli.sensors.beams import Beams
 from mclcli.world.raycast import make_caster
 from tests.reference.beam import mixture
@@ -139,7 +139,7 @@ def test_the_shares_of_a_wall_that_touches_the_sensor_go_to_hit() -> None:
 
 @pytest.mark.parametrize("form", ["nav2", "beluga"])
 def test_the_other_forms_follow_their_formulas(form: str) -> None:
-    m = model(0.3, 0.5, beam_form=form, z_hit=0.5, z_short=0.05, z_max=0.05, z_rand=0.5)
+    m = model(0.3, 0.5, beam_form=form, z_hit=0.5, z_short=0.05, z_max=0.05, z_rand=0.5, weights_sum_to_1="no")
     short = 0.05 * 0.5 * math.exp(-0.5 * 2.0)
     hit = 0.5 * math.exp(-0.5 * (1.0 / 0.3) ** 2)
     if form == "beluga":
@@ -239,7 +239,18 @@ def test_the_pose_that_saw_the_readings_fits_best_and_reaches_the_peak(form: str
 def test_no_beam_says_nothing() -> None:
     none = Beams(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), R_MAX)
     assert model().measure("lidar", none).log_likelihood(poses(3)).tolist() == [0.0, 0.0, 0.0]
-    assert model(beam_form="nav2").measure("lidar", none).log_likelihood(poses(3)).tolist() == [0.0, 0.0, 0.0]
+    cubes = model(combination="one_plus_cubes").measure("lidar", none)
+    assert cubes.log_likelihood(poses(3)).tolist() == [0.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("combination", COMBINATIONS)
+def test_beams_combine_as_said(combination: str) -> None:
+    measurement = model(combination=combination).measure("lidar", beams())
+    assert measurement.each is not None
+    pose = poses(1)
+    p = np.exp(measurement.each(pose[0]))
+    expected = {"log": np.log(p).sum(), "one_plus_cubes": np.log1p((p**3).sum()), "cubes": np.log((p**3).sum())}
+    np.testing.assert_allclose(measurement.log_likelihood(pose), expected[combination], rtol=1e-12)
 
 
 def test_the_score_moves_and_turns_with_the_map() -> None:
@@ -255,13 +266,12 @@ def test_the_score_moves_and_turns_with_the_map() -> None:
 
 def test_the_weights_sum_to_one_or_the_error_names_the_sum() -> None:
     assert BeamParameters() == BeamParameters(z_hit=0.75, z_short=0.1, z_max=0.05, z_rand=0.1)
-    with pytest.raises(UsageError, match=r"= 1\.1: must be 1"):
+    with pytest.raises(UsageError, match=r"= 1\.1: must be 1; .* weights_sum_to_1=no"):
         BeamParameters(z_hit=0.5, z_short=0.05, z_max=0.05, z_rand=0.5)
     with pytest.raises(UsageError, match=r"= 1\.000002"):
         BeamParameters(z_hit=0.750002)
     BeamParameters(z_hit=0.7500009)
-    for form in ("nav2", "beluga"):
-        BeamParameters(z_hit=0.5, z_short=0.05, z_max=0.05, z_rand=0.5, beam_form=form)
+    BeamParameters(z_hit=0.5, z_short=0.05, z_max=0.05, z_rand=0.5, weights_sum_to_1="no")
 
 
 @pytest.mark.parametrize(

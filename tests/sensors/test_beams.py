@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli import se3
-from mclcli.errors import InputError
+from mclcli.errors import InputError, UsageError
 from mclcli.sensors.beams import BeamSelection, maximum_range, select
 from tests.support import scan_of
 
@@ -96,3 +96,10 @@ def test_the_whole_mount_counts() -> None:
 def test_a_scan_without_a_usable_reading_has_no_beams() -> None:
     selected = select(scan_of([NAN, INF, 9.0]), np.eye(4), BeamSelection())
     assert selected.endpoints.shape == (0, 2)
+
+
+def test_spreading_rand_over_a_parameter_needs_that_parameter() -> None:
+    selection = BeamSelection(range_of_rand="parameter", laser_max_range=20.0)
+    assert select(scan_of([1.0, 9.0]), np.eye(4), selection).r_max == 20.0
+    with pytest.raises(UsageError, match=r"laser_max_range = -1: must be above 0 with range_of_rand=parameter"):
+        BeamSelection(range_of_rand="parameter")
