@@ -46,12 +46,29 @@ def parameter_reference() -> str:
         reference = about.source or profiles.SOURCES[part]
         cells = (part, f"`{name}`", _shown(default), about.unit, _robots_names(name), meaning, reference)
         lines.append(f"| {' | '.join(cells)} |")
-    lines += ["\n# Profiles\n", "What `--profile` changes of these defaults, by `--model`.\n"]
-    for profile, models in profiles.PROFILES.items():
-        for model, changes in models.items():
-            words = ", ".join(f"`{name}={_shown(value)}`" for name, value in changes.items())
-            lines.append(f"- **{profile}, {model}**: {words or 'nothing'}")
-    return "\n".join(lines) + "\n"
+    return "\n".join([*lines, *_profile_table()]) + "\n"
+
+
+def _profile_table() -> list[str]:
+    """Every parameter in which the profiles differ; a row for the models that agree."""
+    rows: dict[tuple[str, ...], list[str]] = {}
+    for model in profiles.MODELS:
+        effective = [profiles.build({}, profile=profile, model=model).values() for profile in profiles.PROFILES]
+        for name in effective[0]:
+            values = tuple(_shown(one[name]) for one in effective)
+            if len(set(values)) > 1:
+                rows.setdefault((name, *values), []).append(model)
+    lines = [
+        "\n# Profiles\n",
+        "Where `--profile` makes a difference, by `--model`; each can be set alone as well.",
+        "[models.md](models.md) says what they do.\n",
+        f"| parameter | model | {' | '.join(profiles.PROFILES)} |",
+        f"|---|---|{'---|' * len(profiles.PROFILES)}",
+    ]
+    for (name, *values), models in rows.items():
+        where = "all" if len(models) == len(profiles.MODELS) else ", ".join(models)
+        lines.append(f"| `{name}` | {where} | {' | '.join(values)} |")
+    return lines
 
 
 def _robots_names(name: str) -> str:

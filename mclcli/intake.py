@@ -17,7 +17,7 @@ from mclcli.motion.odometry import OdometryParameters, OdometryPath
 from mclcli.records import LandmarkSightings, LaserScan, Odometry, StampedPose, Transform
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from mclcli.filter.recovery import Proposal
     from mclcli.filter.start import Start
     from mclcli.io.frames import TransformTree
+    from mclcli.records import StepRecord
+    from mclcli.sensors import Measurement
     from mclcli.sensors.instruments import Instrument, Reading
 
 _GAP_NS = 1_000_000_000
@@ -78,7 +80,7 @@ class Setup:
 @final
 @dataclass(slots=True)
 class ReplayTally:
-    """What became of the readings and of the odometry, counted while a replay runs."""
+    """What became of the readings (by topic) and of the odometry, and what was scored (by sensor)."""
 
     used: Counter[str] = field(default_factory=Counter)
     skipped: Counter[tuple[str, str]] = field(default_factory=Counter)
@@ -91,6 +93,20 @@ class ReplayTally:
     odometry_gaps: int = 0
     odometry_jumps: int = 0
     longest_gap_ns: int = 0
+    scored: Counter[str] = field(default_factory=Counter)
+    unknown: Counter[str] = field(default_factory=Counter)
+    independent: dict[str, float] = field(default_factory=dict)
+
+    def take_update(self, record: StepRecord, measurements: Sequence[Measurement]) -> None:
+        """Count one update: by sensor the beams or sightings scored, those of unknown ids, and Σ α·K."""
+        self.updates += 1
+        self.degenerate += record.degenerate
+        self.injected += record.injected
+        for measurement, alpha in zip(measurements, record.alphas, strict=True):
+            name = measurement.sensor
+            self.scored[name] += measurement.count
+            self.unknown[name] += measurement.unknown
+            self.independent[name] = self.independent.get(name, 0.0) + alpha * measurement.count
 
 
 class Item(NamedTuple):

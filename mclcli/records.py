@@ -145,7 +145,7 @@ class StepRecord:
     ``log_evidence`` = log Σ W_{t−1} e^{Σℓ}, untempered. ``beams_used`` counts beams and sightings scored.
     ``reliability`` in [0, 1]: geometric mean likelihood per beam, relative to a beam that fits perfectly.
     ``hypotheses`` are the heaviest clusters, in falling order of weight; ``injected`` particles of the next step were
-    drawn anew.
+    drawn anew. ``counts`` are beams and sightings scored per sensor; with temperature ``auto``, α·count is K_eff.
     """
 
     step: int
@@ -167,6 +167,7 @@ class StepRecord:
     reliability: float
     hypotheses: tuple[Hypothesis, ...] = ()
     injected: int = 0
+    counts: tuple[int, ...] = ()
 
 
 @final

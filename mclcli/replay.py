@@ -172,18 +172,17 @@ class _Run:
         increment = se2.between(belief.odom_from_base, odom)
         observations = (*self._since_update, observation)
         self._since_update.clear()
+        measurements = self._measure(observations, odom)
         state, record = self._setup.localizer.step(
             belief.state,
             increment,
-            self._measure(observations, odom),
+            measurements,
             observation.reading.stamp_ns,
             self._segment,
             self._proposer(observations, odom),
         )
         self._next_step = state.step
-        self._tally.updates += 1
-        self._tally.degenerate += record.degenerate
-        self._tally.injected += record.injected
+        self._tally.take_update(record, measurements)
         self._tally.distance += math.hypot(increment[0], increment[1])
         return _Belief(state, odom, record.estimate), record
 

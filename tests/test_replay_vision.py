@@ -201,6 +201,9 @@ def test_tags_alone_keep_the_robot_on_its_track(log: Path, cameras: tuple[Mounte
     points = list(mcl.replay(recording.events(setup.topics), setup, tally))
     assert tally.updates > 40
     assert not recording.tally.lossy
+    ids = [name for p in points if p.step for name in p.step.sensors]
+    assert set(ids) == set(tally.scored)
+    assert 0 < tally.unknown.total() < 0.1 * tally.scored.total()  # tags taken for one beyond the last post
     errors = [se2.between(truth(p.stamp_ns / 1e9 - 100.0), p.estimate.pose) for p in points]
     distances = [math.hypot(*error[:2]) for error in errors]
     assert max(distances) < 0.6  # while it converges

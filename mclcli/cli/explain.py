@@ -100,16 +100,17 @@ def _draw(
     from mclcli.render.scan import draw_scan
 
     selected = beams.select(scan.scan, scan.base_from_sensor, settings.beams)
-    c, s = np.cos(pose[2]), np.sin(pose[2])
-    ends = pose[:2] + selected.endpoints @ np.array([[c, s], [-s, c]])
+    seen = np.isfinite(selected.ranges) & (selected.ranges < selected.r_max)
+    ends = np.full((len(rows), 3), np.nan)  # a beam that saw nothing ends nowhere
+    ends[seen] = se2.compose(pose, np.column_stack([selected.endpoints[seen], np.zeros(np.count_nonzero(seen))]))
     x, y, yaw = pose
     total = sum(row.log_p for row in rows)
     picture = draw_scan(
         grid,
         se2.compose(pose, se3.to_planar(scan.base_from_sensor)),
-        ends,
+        ends[:, :2],
         np.array([row.log_p for row in rows]),
         title=f"Scan at x {x:.2f} m, y {y:.2f} m, yaw {np.degrees(yaw):.1f}°",
-        subtitle=f"{len(rows)} beams; log p {total:.2f} in all",
+        subtitle=f"{len(rows)} beams, {np.count_nonzero(~seen)} of them without a return; log p {total:.2f} in all",
     )
     pictures.save(picture, arguments["picture"], input_files(arguments))

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mclcli.io.recording import Recording
     from mclcli.records import TrackPoint
     from mclcli.replay import ReplayTally, Setup
+    from mclcli.sensors.instruments import Instrument
     from mclcli.trajectory import Track
     from mclcli.world.occupancy import OccupancyGrid
 
@@ -73,6 +74,7 @@ def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Tra
     lines = [f"{tally.updates} updates over {driven:.1f} s and {tally.distance:.1f} m in {speed}"]
     for topic, instrument in setup.instruments.items():
         lines.append(f"{instrument.name} {clean(topic)}: {tally.used[topic]} used{_skipped(tally, topic)}")
+        lines += _scored(instrument, tally)
     if tally.degenerate:
         lines.append(f"{tally.degenerate} updates ignored their measurement: no weight was left (degenerate)")
     if tally.odometry_gaps:
@@ -138,6 +140,19 @@ def draw(
 def _skipped(tally: ReplayTally, topic: str) -> str:
     reasons = [(why, count) for (name, why), count in sorted(tally.skipped.items()) if name == topic]
     return "".join(f", {count} skipped: {clean(why)}" for why, count in reasons)
+
+
+def _scored(instrument: Instrument, tally: ReplayTally) -> Iterator[str]:
+    """What temperature ``auto`` found, and how many sightings named nothing in the landmark map."""
+    from mclcli.sensors.instruments import Lidar
+
+    name = instrument.name
+    scored, unknown = tally.scored[name], tally.unknown[name]
+    if isinstance(instrument, Lidar) and instrument.alpha == "auto" and scored:
+        share, each = tally.independent[name] / scored, scored / tally.updates
+        yield f"{name}: temperature {share:.2f} on average (auto): K_eff {share * each:.1f} of {each:.1f} an update"
+    if unknown:
+        yield f"{name}: {unknown} of {scored} sightings have an id that is not in the landmark map"
 
 
 def _unread(recording: Recording) -> list[str]:

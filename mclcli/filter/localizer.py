@@ -121,6 +121,7 @@ class Localizer:
             segment=0,
             converged=False,
             reliability=_reliability(log_evidence, measurements),
+            counts=tuple(m.count for m in measurements),
         )
         return self._state_belief(record, poses, normalised)
 

@@ -110,6 +110,8 @@ def resolve(
 def _alpha(measurement: Measurement, correlations: Mapping[str, Correlation], ess_alpha: float) -> float:
     if measurement.alpha == ESS:
         return ess_alpha
+    if measurement.alpha == AUTO and measurement.each is None:
+        return 1.0  # no neighbours whose correlation could be measured: K_eff = K
     if measurement.alpha == AUTO:
         known = correlations.get(measurement.sensor)
         return known.alpha if known else _AUTO_START

@@ -83,7 +83,7 @@ class TraceCsv:
 class StepsCsv:
     """A row per update: ``step,stamp,n,ess,log_evidence,alpha_<sensor>…,resampled,…``; bools are 0 or 1.
 
-    The two heaviest clusters come last, with empty fields where there are not so many.
+    The two heaviest clusters, with empty fields where there are not so many, and ``beams_<sensor>`` come last.
     ``sensors`` as for ``TraceCsv``.
     """
 
@@ -105,6 +105,7 @@ class StepsCsv:
         """
         require_finite("estimate", record.estimate.pose)
         alphas = dict(zip(record.sensors, record.alphas, strict=True))
+        counts = dict(zip(record.sensors, record.counts, strict=False))
         sensors = self._start(record.sensors)
         _require_columns(sensors, record)
         x, y, yaw = record.estimate.pose.tolist()
@@ -116,6 +117,7 @@ class StepsCsv:
             covariance_text(record.estimate.covariance),
             f"{record.segment},{record.converged:d},{record.reliability:.9g},{record.injected}",
             *(_hypothesis_text(record, number) for number in range(HYPOTHESES)),
+            *(str(counts.get(name, "")) for name in sensors),
         ]
         self._stream.write(_without_unusable(",".join(fields)) + "\n")
 
@@ -133,7 +135,8 @@ class StepsCsv:
                 f"resampled,degenerate,beams_used,x,y,yaw,{COVARIANCE_COLUMNS},segment,converged,reliability,injected"
             )
             places = (f"weight_{i},x_{i},y_{i},yaw_{i}" for i in range(1, HYPOTHESES + 1))
-            self._stream.write(",".join(["step,stamp,n,ess,log_evidence", *alphas, tail, *places]) + "\n")
+            beams = (f"beams_{name}" for name in self._sensors)
+            self._stream.write(",".join(["step,stamp,n,ess,log_evidence", *alphas, tail, *places, *beams]) + "\n")
         return self._sensors
 
 

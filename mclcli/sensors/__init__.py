@@ -25,7 +25,7 @@ class Measurement:
     at most ``log_peak``/``count`` high on average, so that ``log_peak`` is the log p of a perfect fit.
     ``alpha`` in (0, 1], ``auto`` or ``ess``, is the temperature that its logarithm is multiplied with. ``each`` gives
     log p (count,) of every beam or sighting at one pose (3,), neighbours next to each other; None where that means
-    nothing.
+    nothing. ``unknown`` of the sightings name no landmark of the map.
     """
 
     sensor: str
@@ -34,6 +34,7 @@ class Measurement:
     log_peak: float
     alpha: float | str = 1.0
     each: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    unknown: int = 0
 
 
 def floored_log(p: NDArray[np.float64], floor: float) -> NDArray[np.float64]:

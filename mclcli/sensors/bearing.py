@@ -95,7 +95,8 @@ class BearingModel:
         """Measurement that scores poses against these bearings."""
         count = bearings.angles.size + bearings.unknown
         best = float(self.log_p(np.zeros(1))[0]) * bearings.angles.size - math.log(se2.TAU) * bearings.unknown
-        return Measurement(sensor, functools.partial(self._score, bearings), count, best, alpha)
+        score = functools.partial(self._score, bearings)
+        return Measurement(sensor, score, count, best, alpha, unknown=bearings.unknown)
 
     def log_p(self, error: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log-likelihood of bearing errors [rad] in (−π, π], any shape."""

@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 class Entry:
     """A lidar model in the registry.
 
-    ``group`` names its ``parameters`` among those of ``mclcli.profiles``. ``make`` builds it over a map, with a maker of
-    distance fields, the number of pose·beam pairs to come and the threads to share them; ``explain`` gives a row per
+    ``group`` names its ``parameters`` among those of ``mclcli.profiles``. ``make`` builds it over a map, with a maker
+    of distance fields, the number of pose·beam pairs to come and the threads to share them; ``explain`` gives a row per
     beam at one pose (3,).
     """
 

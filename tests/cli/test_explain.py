@@ -61,6 +61,25 @@ def test_a_picture_of_the_scan(tmp_path: Path) -> None:
         assert min(picture.size) > 300
 
 
+@pytest.mark.parametrize("profile", ["textbook", "nav2", "beluga"])
+@pytest.mark.parametrize("model", ["likelihood_field", "likelihood_field_prob", "beam"])
+def test_a_scan_with_everything_in_it_is_explained_and_drawn(tmp_path: Path, profile: str, model: str) -> None:
+    scan = tmp_path / "scan.yaml"
+    scan.write_text(
+        "header:\n  frame_id: laser\nangle_min: -0.5\nangle_max: 0.5\nangle_increment: 0.1\nrange_min: 0.2\n"
+        "range_max: 8.0\nranges: [.inf, -.inf, .nan, 0.0, 0.1, 0.2, 1.0, 2.0, 8.0, 9.0, 1.5]\n"
+    )
+    options = ("--profile", profile, "--model", model, "--picture", tmp_path / "scan.png", "--explain")
+    result = mcl("score", scan, "--map", ROOT / "maps/reference.yaml", POSE, *options)
+    assert result.code == 0
+    assert "arning" not in result.err
+    rows = {row["name"]: row for row in table(result.out)}
+    assert {"6", "7", "10"} <= set(rows)
+    assert "2" not in rows
+    assert all(math.isfinite(float(row["log_p"])) for row in rows.values())
+    assert (tmp_path / "scan.png").stat().st_size > 10_000
+
+
 def test_two_poses_are_refused() -> None:
     result = mcl("score", *WORDS, "--pose=0,0,0", "--explain")
     assert result.code == 2

@@ -34,7 +34,7 @@ COVARIANCE = ["cov_xx", "cov_xy", "cov_xyaw", "cov_yy", "cov_yyaw", "cov_yawyaw"
 TRACK = ["stamp", "x", "y", "yaw", *COVARIANCE, "updated", "segment"]
 FACTS = ["step", "stamp", "n", "ess", "log_evidence", "alpha_lidar", "resampled", "degenerate", "beams_used"]
 PLACES = [f"{name}_{number}" for number in (1, 2) for name in ("weight", "x", "y", "yaw")]
-STEPS = [*FACTS, "x", "y", "yaw", *COVARIANCE, "segment", "converged", "reliability", "injected", *PLACES]
+STEPS = [*FACTS, "x", "y", "yaw", *COVARIANCE, "segment", "converged", "reliability", "injected", *PLACES, "beams_lidar"]
 WEIGHTS = ["step", "stamp", "particle", "x", "y", "yaw", "log_lidar", "log_weight", "weight"]
 SCANS = 96  # in 12 s at 8 Hz
 
@@ -161,6 +161,14 @@ def test_the_temperature_is_written_down(run_short: Runner, tmp_path: Path, alph
     result = run_short("--temperature", alpha, "--steps", tmp_path / "steps.csv")
     assert result.code == 0
     assert set(Table((tmp_path / "steps.csv").read_text())["alpha_lidar"]) == {float(alpha)}
+
+
+def test_auto_reports_how_many_beams_are_independent(run_short: Runner, tmp_path: Path) -> None:
+    result = run_short("--temperature", "auto", "--steps", tmp_path / "steps.csv")
+    steps = Table((tmp_path / "steps.csv").read_text())
+    k_eff, beams = (steps["alpha_lidar"] * steps["beams_lidar"]).mean(), steps["beams_lidar"].mean()
+    assert f"K_eff {k_eff:.1f} of {beams:.1f} an update" in result.err
+    np.testing.assert_array_equal(steps["beams_lidar"], steps["beams_used"])
 
 
 def test_an_ess_below_half_resamples(run_short: Runner) -> None:

@@ -84,6 +84,12 @@ def test_auto_is_bounded_and_starts_in_the_middle() -> None:
     assert correlate(np.tile([1.0, -1.0], 50)).alpha == 1.0
 
 
+def test_auto_leaves_what_has_no_neighbours() -> None:
+    """Sightings of landmarks stand in no order: they count as independent."""
+    alone = Measurement("vision", lambda poses: np.zeros(len(poses)), 3, 0.0, "auto")
+    assert temperature.resolve([alone], np.zeros((1, 5)), uniform_log_weights(5), {}, 0.05) == (1.0,)
+
+
 def measurement(sensor: str, alpha: float | str) -> Measurement:
     return Measurement(sensor, lambda poses: np.zeros(len(poses)), 9, 0.0, alpha, lambda _: series(0.5, 9))
 

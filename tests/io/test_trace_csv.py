@@ -101,7 +101,7 @@ def test_steps_have_every_column() -> None:
     assert stream.getvalue().startswith(
         "step,stamp,n,ess,log_evidence,alpha_lidar,alpha_vision,resampled,degenerate,beams_used,x,y,yaw,"
         "cov_xx,cov_xy,cov_xyaw,cov_yy,cov_yyaw,cov_yawyaw,segment,converged,reliability,injected,"
-        "weight_1,x_1,y_1,yaw_1,weight_2,x_2,y_2,yaw_2\n"
+        "weight_1,x_1,y_1,yaw_1,weight_2,x_2,y_2,yaw_2,beams_lidar,beams_vision\n"
     )
     first, second = csv.DictReader(stream.getvalue().splitlines())
     assert first["stamp"] == "1318384871.750000001"
@@ -110,7 +110,9 @@ def test_steps_have_every_column() -> None:
     assert float(first["cov_xyaw"]) == pytest.approx(made.estimate.covariance[0, 2], rel=1e-8)
     assert float(first["cov_yyaw"]) == pytest.approx(made.estimate.covariance[1, 2], rel=1e-8)
     assert (first["injected"], first["weight_1"], first["yaw_2"]) == ("0", "", "")
+    assert (first["beams_lidar"], first["beams_vision"]) == ("30", "30")
     assert (second["alpha_lidar"], second["alpha_vision"]) == ("0.3", "")
+    assert (second["beams_lidar"], second["beams_vision"]) == ("60", "")
 
 
 def test_steps_state_the_two_heaviest_clusters() -> None:

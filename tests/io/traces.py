@@ -54,6 +54,7 @@ def record(step: int = 0, n: int = 5, sensors: tuple[str, ...] = ("lidar", "visi
         "segment": 0,
         "converged": True,
         "reliability": 0.9,
+        "counts": (60 // max(len(sensors), 1),) * len(sensors),
     }
     return StepRecord(**(fields | changes))
 

@@ -18,7 +18,6 @@ from mclcli.sensors.beam_forms import COMBINATIONS, FLOOR, FORMS
 from mclcli.sensors.beams import Beams
 from mclcli.world.raycast import make_caster
 from tests.reference.beam import mixture
-from tests.support import grid_of
 from tests.worlds import drawn, room
 
 R_MAX = 8.0
@@ -251,17 +250,6 @@ def test_beams_combine_as_said(combination: str) -> None:
     p = np.exp(measurement.each(pose[0]))
     expected = {"log": np.log(p).sum(), "one_plus_cubes": np.log1p((p**3).sum()), "cubes": np.log((p**3).sum())}
     np.testing.assert_allclose(measurement.log_likelihood(pose), expected[combination], rtol=1e-12)
-
-
-def test_the_score_moves_and_turns_with_the_map() -> None:
-    occupied = np.random.default_rng(2).random((20, 30)) < 0.05
-    shift = np.array([7.0, -3.0, 0.0])
-    here, there = grid_of(occupied, 0.1), grid_of(occupied, 0.1, (7.0, -3.0, 0.0))
-    one, other = (
-        BeamModel(make_caster(grid), model().parameters).measure("lidar", beams()).log_likelihood(where)
-        for grid, where in ((here, poses()), (there, poses() + shift))
-    )
-    np.testing.assert_allclose(one, other, rtol=0, atol=1e-8)
 
 
 def test_the_weights_sum_to_one_or_the_error_names_the_sum() -> None:

@@ -66,10 +66,37 @@ def test_without_outliers_the_floor_holds() -> None:
     assert model(0.01, 0.0).log_p(np.array([3.0]))[0] == pytest.approx(math.log(1e-15), abs=1e-12)
 
 
-def test_an_unknown_id_costs_the_same_everywhere() -> None:
+def test_an_unknown_id_costs_the_same_everywhere_and_is_counted() -> None:
     measurement = seen_from(np.eye(4), ("nobody", 0.4))
     assert measurement.log_likelihood(POSES).tolist() == [-math.log(math.tau)] * len(POSES)
-    assert measurement.count == 1
+    assert (measurement.count, measurement.unknown) == (1, 1)
+    assert seen_from(np.eye(4), *SEEN).unknown == 1
+
+
+@given(st.permutations(SEEN))
+def test_the_order_of_sightings_does_not_matter(order: list[tuple[str, float]]) -> None:
+    mount = se3.from_planar(MOUNT)
+    got, expected = (seen_from(mount, *seen).log_likelihood(POSES) for seen in (order, SEEN))
+    np.testing.assert_allclose(got, expected, rtol=1e-12, atol=1e-12)
+
+
+@given(st.lists(st.tuples(st.sampled_from("abc"), angles), min_size=1, max_size=4), angles)
+def test_an_upside_down_camera_sees_mirrored_bearings(seen: list[tuple[str, float]], yaw: float) -> None:
+    hanging = seen_from(se3.from_rpy([0.2, -0.1, 1.0], math.pi, 0.0, yaw), *seen)
+    standing = seen_from(se3.from_rpy([0.2, -0.1, 1.0], 0.0, 0.0, yaw), *((name, -angle) for name, angle in seen))
+    np.testing.assert_allclose(hanging.log_likelihood(POSES), standing.log_likelihood(POSES), rtol=0, atol=1e-9)
+
+
+@given(pose=st.tuples(*[st.floats(-1e200, 1e200)] * 2, st.floats(-1e6, 1e6)), bearing=angles)
+def test_every_finite_pose_has_a_finite_score(pose: tuple[float, ...], bearing: float) -> None:
+    measurement = seen_from(se3.from_planar(MOUNT), ("a", bearing), ("nobody", bearing))
+    assert np.isfinite(measurement.log_likelihood(np.array([pose]))).all()
+
+
+@given(error=st.floats(-math.pi, math.pi), other=st.floats(-math.pi, math.pi), alpha=st.floats(0.02, 1.0))
+def test_a_smaller_error_is_never_less_likely(error: float, other: float, alpha: float) -> None:
+    near, far = model().log_p(np.array(sorted([error, other], key=abs)))
+    assert alpha * near >= alpha * far
 
 
 @given(st.floats(-50, 50), st.floats(-50, 50), angles)

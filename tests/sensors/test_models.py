@@ -57,7 +57,9 @@ class Variant(NamedTuple):
         """The beams that it scores."""
         return beams.select(scan, mount, self.chosen.beams)
 
-    def scores(self, poses: NDArray[np.float64], seen: Beams | None = None, origin: Any = ORIGIN) -> Any:
+    def scores(
+        self, poses: NDArray[np.float64], seen: Beams | None = None, origin: Any = ORIGIN
+    ) -> NDArray[np.float64]:
         """Log-likelihoods (N,)."""
         seen = self.beams(scan_of(RANGES)) if seen is None else seen
         return self.over(origin).measure("lidar", seen).log_likelihood(poses)
@@ -66,7 +68,7 @@ class Variant(NamedTuple):
         """Poses whose scores do not jump when they are nudged."""
         nudges = TINY * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
         moved = np.array([self.scores(POSES + nudge, seen) for nudge in nudges])
-        return POSES[np.ptp(moved, axis=0) < 1e-5]
+        return np.asarray(POSES[np.ptp(moved, axis=0) < 1e-5])
 
 
 VARIANTS = [Variant(profile, model) for profile in profiles.PROFILES for model in LIDAR_MODELS] + [
