@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from mclcli.sensors.beams import Beams
     from mclcli.world.raycast import RayCaster
 
-_BLOCK = 32768  # pose·beam pairs whose temporaries stay in the second-level cache
 _TAIL = 40.0  # standard deviations beyond which a Gaussian is 0 in double precision
 
 
@@ -139,7 +138,7 @@ class BeamModel:
     def _score(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log-likelihood (N,) of poses (N, 3) of the base in map; NaN where a pose is not finite."""
         out = np.empty(poses.shape[0])
-        size = max(1, _BLOCK // max(1, beams.ranges.size))
+        size = max(1, endpoints.PAIRS // max(1, beams.ranges.size))
 
         def score_block(start: int) -> None:
             block = slice(start, start + size)

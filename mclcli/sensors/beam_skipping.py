@@ -45,15 +45,24 @@ def kept_beams(
     """Which beams (B,) count for these poses (N, 3); None if no pose can have a likelihood other than 0."""
     if not (rule.always or has_converged(poses)):
         return np.ones(beams.ranges.size, dtype=np.bool_)
-    agree = np.append(field.levels < rule.distance, False).astype(np.float64)
-    shares = [
-        endpoints.sum_table(field, agree, end[np.newaxis], poses, anchoring=anchoring).mean() for end in beams.endpoints
-    ]
-    kept = np.array(shares) > rule.threshold
+    shares = _agreeing(rule, field, beams, poses, anchoring) / poses.shape[0]
+    kept = np.asarray(shares > rule.threshold, np.bool_)
     slots = max(beams.slots, kept.size)
     if slots - int(kept.sum()) >= slots * rule.error_threshold:
         return np.ones(kept.size, dtype=np.bool_) if kept.size == slots else None
     return kept
+
+
+def _agreeing(
+    rule: BeamSkipping, field: DistanceField, beams: Beams, poses: NDArray[np.float64], anchoring: Anchoring
+) -> NDArray[np.int64]:
+    """How many poses find an obstacle near each beam's end (B,)."""
+    count = np.zeros(beams.ranges.size, np.int64)
+    size = max(1, endpoints.PAIRS // max(1, count.size))
+    for start in range(0, poses.shape[0], size):
+        distances = endpoints.distances(field, beams.endpoints, poses[start : start + size], anchoring=anchoring)
+        count += np.count_nonzero(distances < rule.distance, axis=0)
+    return count
 
 
 def has_converged(poses: NDArray[np.float64]) -> bool:

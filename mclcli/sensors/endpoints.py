@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 BLOCK = 4096  # poses whose temporaries stay in the second-level cache
 COMPILED_BLOCK = 8192  # a kernel keeps its own, smaller blocks; this is a thread's share
 _CELLS_OF_A_KERNEL = 2**31  # beyond, its indices do not reach
+PAIRS = 32768  # pose·beam pairs, likewise
 
 
 @final
@@ -146,12 +147,13 @@ def distances(
     row = y[:, np.newaxis] + (s * ends[:, 0] + c * ends[:, 1])
     height, width = field.codes.shape
     inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-    found = (
-        _bilinear(field, column, row)
-        if bilinear
-        else field.levels[field.codes[_cell(row, height), _cell(column, width)]]
-    )
+    found = _bilinear(field, column, row) if bilinear else _level(field, _cell(row, height), _cell(column, width))
     return np.where(inside, found, np.inf)
+
+
+def _level(field: DistanceField, row: NDArray[np.intp], column: NDArray[np.intp]) -> NDArray[np.float64]:
+    codes = field.codes.ravel().take(row * field.codes.shape[1] + column)
+    return np.asarray(field.levels.take(codes))
 
 
 def _cell(coordinate: NDArray[np.float64], size: int) -> NDArray[np.intp]:
@@ -164,7 +166,6 @@ def _bilinear(field: DistanceField, column: NDArray[np.float64], row: NDArray[np
     u, v = column - np.floor(column), row - np.floor(row)
     left, right = _cell(column, width), _cell(column + 1.0, width)
     below, above = _cell(row, height), _cell(row + 1.0, height)
-    levels, codes = field.levels, field.codes
-    lower = (1.0 - u) * levels[codes[below, left]] + u * levels[codes[below, right]]
-    upper = (1.0 - u) * levels[codes[above, left]] + u * levels[codes[above, right]]
+    lower = (1.0 - u) * _level(field, below, left) + u * _level(field, below, right)
+    upper = (1.0 - u) * _level(field, above, left) + u * _level(field, above, right)
     return np.asarray((1.0 - v) * lower + v * upper)

@@ -197,13 +197,14 @@ class LikelihoodField:
 
     def _sum_bilinear(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         out = np.empty(poses.shape[0])
+        size = max(1, endpoints.PAIRS // max(1, beams.ranges.size))
 
         def sum_block(start: int) -> None:
-            block = slice(start, start + endpoints.BLOCK)
+            block = slice(start, start + size)
             likelihood = self.likelihood(self.distances(beams, poses[block]), beams.r_max)
             out[block] = self.term(likelihood).sum(axis=1)
 
-        endpoints.for_each(sum_block, range(0, poses.shape[0], endpoints.BLOCK), self.threads)
+        endpoints.for_each(sum_block, range(0, poses.shape[0], size), self.threads)
         return out
 
     def _without_skipped(self, beams: Beams, poses: NDArray[np.float64]) -> tuple[Beams, bool]:

@@ -34,7 +34,8 @@ COVARIANCE = ["cov_xx", "cov_xy", "cov_xyaw", "cov_yy", "cov_yyaw", "cov_yawyaw"
 TRACK = ["stamp", "x", "y", "yaw", *COVARIANCE, "updated", "segment"]
 FACTS = ["step", "stamp", "n", "ess", "log_evidence", "alpha_lidar", "resampled", "degenerate", "beams_used"]
 PLACES = [f"{name}_{number}" for number in (1, 2) for name in ("weight", "x", "y", "yaw")]
-STEPS = [*FACTS, "x", "y", "yaw", *COVARIANCE, "segment", "converged", "reliability", "injected", *PLACES, "beams_lidar"]
+ENDS = ["segment", "converged", "reliability", "injected", *PLACES, "beams_lidar"]
+STEPS = [*FACTS, "x", "y", "yaw", *COVARIANCE, *ENDS]
 WEIGHTS = ["step", "stamp", "particle", "x", "y", "yaw", "log_lidar", "log_weight", "weight"]
 SCANS = 96  # in 12 s at 8 Hz
 
