@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     FieldMaker = Callable[..., DistanceField]
     Mounts = Mapping[str, NDArray[np.float64]]
 
-# Neighbouring beams are correlated, sightings of landmarks hardly: measured, see docs/decisions/0004.
+# Measured, see docs/decisions/0004.
 LIDAR_TEMPERATURE = 0.5
-VISION_TEMPERATURE = 1.0
+VISION_TEMPERATURE = 0.15
 _UPDATES_OF_A_STREAM = 1500  # nobody knows how long a stream will be
 
 
@@ -77,7 +77,7 @@ def prepare(
         Seed of every random stream.
     temperature
         α in (0, 1], ``auto`` or ``ess`` by sensor (``lidar``, ``vision_2``…); the name '' stands for all others. What
-        is not named has the profile's own: in textbook 0.5 for lidars and 1 for vision.
+        is not named has the profile's own: in textbook 0.5 for lidars and 0.15 for vision.
     mounts
         ``base_from_sensor`` (4, 4) by frame, instead of the log's transforms; the frame '' stands for any.
     window_ns

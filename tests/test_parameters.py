@@ -28,7 +28,7 @@ def test_defaults_that_people_rely_on() -> None:
         "resample_ess": 0.5,
         "update_min_d": 0.25,
         "update_min_a": 0.2,
-        "alpha1": 0.2,
+        "alpha1": 0.1,
         "sigma_hit": 0.2,
         "z_hit": 0.5,
         "z_rand": 0.5,

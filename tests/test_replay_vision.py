@@ -207,7 +207,7 @@ def test_tags_alone_keep_the_robot_on_its_track(log: Path, cameras: tuple[Mounte
     errors = [se2.between(truth(p.stamp_ns / 1e9 - 100.0), p.estimate.pose) for p in points]
     distances = [math.hypot(*error[:2]) for error in errors]
     assert max(distances) < 0.6  # while it converges
-    assert float(np.mean(distances[len(distances) // 2 :])) < 0.15
+    assert float(np.mean(distances[len(distances) // 2 :])) < 0.20
     assert max(abs(error[2]) for error in errors[len(errors) // 2 :]) < 0.06
     drift = se2.between(truth(SECONDS), se2.compose(START, odometry(SECONDS)))
     assert math.hypot(*drift[:2]) > 0.8

@@ -27,10 +27,10 @@ _SMALL_MOVE = 0.01  # [m] below this the direction of a move is odometry noise (
 class DifferentialParameters:
     """Noise of the differential drive."""
 
-    alpha1: float = parameter(0.2, "turning noise from turning", low=0.0, in_nav2=True)
-    alpha2: float = parameter(0.2, "turning noise from moving", unit="rad²/m²", low=0.0, in_nav2=True)
-    alpha3: float = parameter(0.2, "moving noise from moving", low=0.0, in_nav2=True)
-    alpha4: float = parameter(0.2, "moving noise from turning", unit="m²/rad²", low=0.0, in_nav2=True)
+    alpha1: float = parameter(0.1, "turning noise from turning", low=0.0, in_nav2=True)
+    alpha2: float = parameter(0.1, "turning noise from moving", unit="rad²/m²", low=0.0, in_nav2=True)
+    alpha3: float = parameter(0.1, "moving noise from moving", low=0.0, in_nav2=True)
+    alpha4: float = parameter(0.1, "moving noise from turning", unit="m²/rad²", low=0.0, in_nav2=True)
     turn_noise: str = parameter(
         "full",
         "noise of a turn beyond 90° between updates: that of the full turn, or folded as if driving backwards",

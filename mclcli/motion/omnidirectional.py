@@ -28,11 +28,11 @@ if TYPE_CHECKING:
 class OmnidirectionalParameters:
     """Noise of the omnidirectional drive."""
 
-    alpha1: float = parameter(0.2, "turning noise from turning", low=0.0, in_nav2=True)
-    alpha2: float = parameter(0.2, "turning noise from moving", unit="rad²/m²", low=0.0, in_nav2=True)
-    alpha3: float = parameter(0.2, "moving noise from moving", low=0.0, in_nav2=True)
-    alpha4: float = parameter(0.2, "moving noise from turning", unit="m²/rad²", low=0.0, in_nav2=True)
-    alpha5: float = parameter(0.2, "sideways noise from moving (omnidirectional only)", low=0.0, in_nav2=True)
+    alpha1: float = parameter(0.1, "turning noise from turning", low=0.0, in_nav2=True)
+    alpha2: float = parameter(0.1, "turning noise from moving", unit="rad²/m²", low=0.0, in_nav2=True)
+    alpha3: float = parameter(0.1, "moving noise from moving", low=0.0, in_nav2=True)
+    alpha4: float = parameter(0.1, "moving noise from turning", unit="m²/rad²", low=0.0, in_nav2=True)
+    alpha5: float = parameter(0.1, "sideways noise from moving (omnidirectional only)", low=0.0, in_nav2=True)
     noise_scaling: str = noise.scaling_parameter()
 
     def __post_init__(self) -> None:

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from mclcli.world.distance_field import DistanceField
 
 BLOCK = 4096  # poses whose temporaries stay in the second-level cache
+PAIRS = 32768  # pose·beam pairs, likewise
 COMPILED_BLOCK = 8192  # a kernel keeps its own, smaller blocks; this is a thread's share
 _CELLS_OF_A_KERNEL = 2**31  # beyond, its indices do not reach
-PAIRS = 32768  # pose·beam pairs, likewise
 
 
 @final

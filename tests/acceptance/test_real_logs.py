@@ -14,6 +14,7 @@ import pytest
 from rosbags.rosbag1 import Reader, Writer
 from scipy.ndimage import distance_transform_edt
 
+from benchmarks.accuracy import CASES, rmse
 from mclcli import open_recording, se3
 from mclcli.io.map_yaml import load_map
 from mclcli.records import LaserScan
@@ -173,7 +174,19 @@ def test_bearings_only(robot: int) -> None:
     log, landmarks = shared(f"mrclam/dataset6_robot{robot}.mcap"), shared("mrclam/landmarks.yaml")
     result = mcl("run", log, "--landmarks", landmarks, "--init", "/ground_truth", "--truth", "/ground_truth")
     assert result.code == 0
-    assert reported_error(result.err) <= 0.5
+    assert reported_error(result.err) <= 0.20
+    assert "sightings have an id that is not in the landmark map" in result.err
+
+
+@pytest.mark.parametrize("robot", [1, 3])
+def test_bearings_of_which_every_fifth_has_a_wrong_id(robot: int) -> None:
+    case, data = CASES[f"mrclam robot {robot}, 20 % of ids misread"], shared(f"mrclam/dataset6_robot{robot}.mcap")
+    assert rmse(case, data.parents[1], seed=0)[0] <= 0.30
+
+
+def test_intel_with_the_beam_model() -> None:
+    log = shared("intel/intel.mcap")
+    assert rmse(CASES["intel, beam"], log.parents[1], seed=0)[0] <= 0.12
 
 
 def test_evo_measures_the_same_error(tmp_path: Path) -> None:

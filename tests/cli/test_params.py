@@ -123,7 +123,7 @@ def test_flag_before_set_before_the_robots_file_before_the_profile(tmp_path: Pat
     words = ("--params", tmp_path / "nav2.yaml", "--set", "alpha1=0.5", "--set", "robot_model_type=stationary")
     values = values_of(mcl("params", *words, "--profile", "textbook", "--model", "likelihood_field"))
     assert (values["profile"], values["model"]) == ("textbook", "likelihood_field")
-    assert (values["alpha1"], values["alpha3"], values["alpha5"]) == (0.5, 0.3, 0.2)
+    assert (values["alpha1"], values["alpha3"], values["alpha5"]) == (0.5, 0.3, 0.1)
     assert (values["robot_model_type"], values["combination"]) == ("stationary", "log")
 
 

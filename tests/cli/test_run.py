@@ -84,7 +84,7 @@ def test_two_sensors_have_columns_of_their_own(short: Path, tmp_path: Path) -> N
     assert Table((tmp_path / "trace.csv").read_text()).names[6:8] == ["log_lidar", "log_vision"]
     steps = Table((tmp_path / "steps.csv").read_text())
     assert steps.names[5:7] == ["alpha_lidar", "alpha_vision"]
-    assert set(steps["alpha_vision"]) == {1.0}
+    assert set(steps["alpha_vision"]) == {0.15}
 
 
 def test_the_track_has_a_row_per_scan(everything: Everything, office_messages: list[Message]) -> None:
