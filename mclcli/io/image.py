@@ -10,7 +10,6 @@ from __future__ import annotations
 import io
 import struct
 import warnings
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, final
@@ -18,7 +17,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.errors import InputError
-from mclcli.io import netpbm
+from mclcli.io import netpbm, png_check
 from mclcli.io.text_file import refuse_stand_ins
 
 if TYPE_CHECKING:
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
 
     from mclcli.io.netpbm import Samples
 
-_PNG = b"\x89PNG\r\n\x1a\n"
 _BMP = b"BM"
 _HEAD = 1 << 16
 _STRIP = 1 << 20  # pixels converted at a time
@@ -50,7 +48,7 @@ class Raster:
 
 def is_image(head: bytes) -> bool:
     """Whether a file that starts with these bytes is an image that ``read_image`` knows."""
-    return netpbm.MAGIC.match(head) is not None or head.startswith((_PNG, _BMP))
+    return netpbm.MAGIC.match(head) is not None or head.startswith((png_check.MAGIC, _BMP))
 
 
 def read_image(path: str | Path, max_cells: int) -> Raster:
@@ -84,7 +82,7 @@ def _size(head: bytes, name: str) -> tuple[int, int]:
     """Width and height [pixels] by the header of a PNG or BMP."""
     refuse_stand_ins(head, name)
     layout, start = "", 0
-    if head.startswith(_PNG):
+    if head.startswith(png_check.MAGIC):
         layout, start = ">II", 16
     elif head.startswith(_BMP):
         layout, start = ("<HH" if head[14:18] == b"\x0c\0\0\0" else "<ii"), 18
@@ -133,8 +131,8 @@ def _through_pillow(data: bytes, name: str) -> Raster:
     from PIL.BmpImagePlugin import BmpImageFile
     from PIL.PngImagePlugin import PngImageFile
 
-    png = data.startswith(_PNG)
-    colours = _check_png(data, name) if png else 0
+    png = data.startswith(png_check.MAGIC)
+    colours = png_check.check_png(data, name) if png else 0
     if not png:
         _check_bmp(data, name)
     with warnings.catch_warnings():
@@ -172,19 +170,3 @@ def _check_bmp(data: bytes, name: str) -> None:
     (length,) = struct.unpack_from("<I", data, 2)
     if length > len(data):
         raise InputError(f"{name}: damaged image: cut off after {len(data)} of {length} bytes; copy it again")
-
-
-def _check_png(data: bytes, name: str) -> int:
-    """Check every chunk's checksum, which Pillow does not; returns the number of palette colours."""
-    position, colours, kind = len(_PNG), 0, b""
-    while kind != b"IEND":
-        if position + 12 > len(data):
-            raise InputError(f"{name}: damaged image: cut off after {len(data)} bytes; copy it again")
-        length, kind = struct.unpack_from(">I4s", data, position)
-        end = position + 8 + length
-        if data[end : end + 4] != struct.pack(">I", zlib.crc32(memoryview(data)[position + 4 : end])):
-            raise InputError(f"{name}: damaged image: checksum of its chunk at byte {position} fails; copy it again")
-        if kind == b"PLTE":
-            colours = length // 3
-        position = end + 4
-    return colours

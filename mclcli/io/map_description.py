@@ -15,7 +15,10 @@ if TYPE_CHECKING:
 
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
-MIN_RESOLUTION = 1e-6
+MIN_RESOLUTION, MAX_RESOLUTION = 1e-6, 1e6
+"""Metres per cell that are believed."""
+FARTHEST = 1e9
+"""Largest x or y of an origin [m]: beyond, float64 tells no centimetres apart, and far beyond squares overflow."""
 
 _KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 _TRUTHS = {0: False, 1: True, "no": False, "off": False, "yes": True, "on": True}
@@ -100,8 +103,9 @@ def _number(key: str, document: Document, low: float, high: float) -> float:
 
 def _resolution(document: Document) -> float:
     resolution = _as_number(_value("resolution", document), "resolution", document)
-    if resolution <= MIN_RESOLUTION:
-        raise wrong("resolution", document, f"{resolution:g} m per cell is not more than {MIN_RESOLUTION:g}")
+    if not MIN_RESOLUTION < resolution <= MAX_RESOLUTION:
+        wanted = f"more than {MIN_RESOLUTION:g}" if resolution <= MIN_RESOLUTION else f"at most {MAX_RESOLUTION:g}"
+        raise wrong("resolution", document, f"{resolution:g} m per cell is not {wanted}")
     return resolution
 
 
@@ -110,6 +114,8 @@ def _origin(document: Document) -> tuple[float, float, float]:
     if not isinstance(values, list) or len(values) != 3:
         raise wrong("origin", document, "expected three numbers [x, y, yaw]")
     x, y, yaw = (_as_number(value, "origin", document) for value in values)
+    if max(abs(x), abs(y)) > FARTHEST:
+        raise wrong("origin", document, f"({x:g}, {y:g}) is more than {FARTHEST:g} m away")
     return x, y, yaw
 
 

@@ -46,6 +46,12 @@ def _png(depth: int, colour: int, *rows: bytes, width: int = 3, before: bytes = 
     return b"\x89PNG\r\n\x1a\n" + parts
 
 
+def _interlaced(rows: list[bytes]) -> bytes:
+    header = struct.pack(">IIBBBBB", 3, 2, 8, 0, 0, 0, 1)
+    raster = zlib.compress(b"".join(b"\0" + row for row in rows))
+    return b"\x89PNG\r\n\x1a\n" + _chunk(b"IHDR", header) + _chunk(b"IDAT", raster) + _chunk(b"IEND", b"")
+
+
 RGB = bytes(value for pixel in PIXELS for value in (pixel, pixel, pixel))
 DEEP = b"".join(struct.pack(">H", pixel * 257) for pixel in PIXELS)
 PALETTE = _chunk(b"PLTE", bytes([205] * 3 + [254] * 3 + [0] * 3))
@@ -71,6 +77,10 @@ FORMATS = {
     "bmp gray": _pillow("L", "BMP", PIXELS),
     "bmp colour": _pillow("RGB", "BMP", RGB),
 }
+
+
+INTERLACED = [b"\0", b"\xcd", b"\xfe", b"\xfe\xfe\0"]  # PIXELS by Adam7: passes 1, 4, 6 and 7 have a row each
+FORMATS["png interlaced"] = _interlaced(INTERLACED)
 
 
 @pytest.mark.parametrize("kind", FORMATS)
@@ -164,7 +174,10 @@ def test_colours_become_gray_as_in_graphicsmagick(tmp_path: Path) -> None:
         (b"\x89PNG\r\n\x1a\n", "cut off in its header"),
         (FORMATS["png gray"][:-5], "cut off after"),
         (FORMATS["png gray"][:50] + b"\xff" + FORMATS["png gray"][51:], "checksum"),
-        (_png(8, 0, b"\0\0\0", b"\0\0"), "OSError"),
+        (_png(8, 0, b"\0\0\0", b"\0\0"), "7 bytes of pixels instead of the 8"),
+        (_interlaced(INTERLACED[:3]), "6 bytes of pixels instead of the 10"),
+        (_png(8, 0, b"\0\0\0", b"\0\0\0\0"), "more than the 8 bytes"),
+        (_png(8, 0, b"\0\0\0", b"\0\0\0").replace(b"IDAT", b"IDAX"), "checksum"),
         (_png(8, 3, b"\0\1\2", b"\0\1\2"), "a colour beyond its palette"),
         (_png(8, 3, b"\0\1\3", b"\0\1\2", before=PALETTE), "a colour beyond its palette"),
         (_png(3, 0, b"\0\0\0"), "damaged image"),
