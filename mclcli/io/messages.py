@@ -33,8 +33,12 @@ if TYPE_CHECKING:
 __all__ = ["DECODABLE", "Undecodable", "decode", "planar_covariance", "to_plain"]
 
 NOT_RIGID = "transform left out: not rigid"
+ANGLE_MAX = "angle_max does not fit the number of readings; the readings count"
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 × 6 covariance
 _LARGEST = 1e12  # variance above which a covariance says nothing
+_LONG = 4 << 20  # [bytes] no message has more that we decode; its fields become objects many times as large
+_LONGEST = {"nav_msgs/msg/OccupancyGrid": 65 << 20}  # 64 million cells
+_FARTHEST = 1e9  # [m] from a frame's origin: what is told to be farther is damage, and would overflow when squared
 
 
 def decode(message: RawMessage, tally: Tally | None = None) -> Record | Undecodable:
@@ -59,6 +63,9 @@ def _decode(message: RawMessage, tally: Tally | None) -> Record | Undecodable:
     convert = _CONVERTERS.get(channel.type)
     if convert is None:
         return Undecodable(f"its type {channel.type[:100]!r} is of no use here")
+    limit = _LONGEST.get(channel.type, _LONG)
+    if len(message.data) > limit:
+        return Undecodable(f"it is longer than {limit >> 20} MiB")
     parse = parser_for(channel)
     if isinstance(parse, Undecodable):
         return parse
@@ -69,6 +76,9 @@ def _decode(message: RawMessage, tally: Tally | None) -> Record | Undecodable:
 def _laser_scan(value: Parsed, context: Context) -> LaserScan:
     with np.errstate(invalid="ignore"):  # signalling NaN are NaN as well
         ranges = value.ranges.astype(np.float64)
+    last = float(value.angle_min) + (ranges.size - 1) * float(value.angle_increment)
+    if ranges.size > 1 and not abs(value.angle_max - last) <= 1.01 * abs(value.angle_increment):
+        context.note(ANGLE_MAX)
     return LaserScan(
         stamp_ns=context.stamp(value.header),
         frame_id=frame_name(value.header.frame_id),
@@ -151,14 +161,13 @@ def planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] | 
 
 
 def _matrix(position: Parsed, rotation: Parsed) -> NDArray[np.float64] | None:
-    """Transform (4, 4), None if the rotation is none or the translation is not finite."""
+    """Transform (4, 4), None if the rotation is none or the translation is not finite, or beyond all bounds."""
     quaternion = (rotation.x, rotation.y, rotation.z, rotation.w)
-    if not abs(math.hypot(*quaternion) - 1.0) <= 1e-2:  # told first: squares of wild numbers overflow
+    translation = (position.x, position.y, position.z)
+    # Both told first: squares of wild numbers overflow. NaN fails either.
+    if not (abs(math.hypot(*quaternion) - 1.0) <= 1e-2 and math.hypot(*translation) <= _FARTHEST):
         return None
-    try:
-        return read_only(se3.from_quaternion((position.x, position.y, position.z), quaternion))
-    except ValueError:
-        return None
+    return read_only(se3.from_quaternion(translation, quaternion))
 
 
 def _planar(pose: Parsed) -> NDArray[np.float64] | None:
@@ -170,7 +179,7 @@ def _stamped(header: Parsed) -> bool:
     return bool(header.stamp.sec or header.stamp.nanosec)
 
 
-_BAD_POSE = Undecodable("its pose is not rigid: position not finite, or quaternion not of length 1")
+_BAD_POSE = Undecodable("its pose is not rigid: position not finite (or beyond 1e9 m), or quaternion not of length 1")
 _CONVERTERS: dict[str, Callable[[Parsed, Context], Record | Undecodable]] = {
     "sensor_msgs/msg/LaserScan": _laser_scan,
     "nav_msgs/msg/Odometry": _odometry,

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 Parsed: TypeAlias = Any
 """An object of a rosbags message class: attributes named as the fields, without static types."""
+_LONGEST = 16 << 20  # [bytes] of a message to be told as text: each number takes many times its bytes
 
 
 @final
@@ -58,6 +59,8 @@ def to_plain(message: RawMessage) -> dict[str, Any]:
     Raises InputError, naming the topic and the reason, if it cannot be decoded.
     """
     parse = parser_for(message.channel)
+    if len(message.data) > _LONGEST:
+        parse = Undecodable(f"it is longer than {_LONGEST >> 20} MiB")
     try:
         value = parse if isinstance(parse, Undecodable) else parse(message.data)
     except Exception:  # noqa: BLE001 - as in decode

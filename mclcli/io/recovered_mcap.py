@@ -7,6 +7,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
+from mclcli.errors import InputError
 from mclcli.io.chunked_mcap import ROSBAG2, ChunkedMcap, Stream
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 CHUNK_BYTES = 1 << 20
 UNWRITABLE = "log time outside 1970…2262"
 """Reason under which messages are counted that MCAP cannot date."""
+_CHANNELS = 65535
 _FORMS = {"cdr": "ros2msg", "ros1": "ros1msg"}
 _PROFILES = {frozenset({"cdr"}): "ros2", frozenset({"ros1"}): "ros1"}
 
@@ -49,6 +51,10 @@ class RecoveredMcap:
         if stamp_ns < 0:
             return False
         if channel not in self.streams:
+            if len(self.streams) == _CHANNELS:
+                raise InputError(
+                    f"more than {_CHANNELS} channels, the most an MCAP may have; recover its files one by one"
+                )
             self.streams[channel] = _stream(channel)
         self.file.add(stamp_ns, [(channel, data)], publish_ns if publish_ns and publish_ns > 0 else None)
         self.written[channel.topic] += 1

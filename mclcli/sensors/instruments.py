@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, final
 
@@ -73,6 +74,8 @@ class Lidar:
             return "not a laser scan"
         if not reading.range_max > 0.0:
             return f"scan with range_max {reading.range_max:g}"
+        if math.isnan(reading.range_min):
+            return "scan with range_min nan"
         if reading.ranges.size > 1 and not abs(reading.angle_increment) > 0.0:
             return f"scan with angle_increment {reading.angle_increment:g}"
         return "" if np.isfinite([reading.angle_min, reading.angle_increment]).all() else "scan with angles not finite"

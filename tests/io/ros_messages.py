@@ -73,7 +73,7 @@ def floats(values: Any, kind: Any = np.float64) -> Any:
 SCAN = {
     "header": header(),
     "angle_min": -1.5,
-    "angle_max": 1.5,
+    "angle_max": -1.2,
     "angle_increment": 0.1,
     "time_increment": 0.001,
     "scan_time": 0.2,

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from rosbags.rosbag1 import Reader, Writer
 
+from mclcli.io.logs import bag1_file
 from mclcli.io.logs.bag1_file import Bag1File
 from mclcli.io.logs.source import ByteSource
 from tests.data import shared
@@ -136,3 +137,18 @@ def test_a_bag_damaged_anywhere_never_raises_and_never_loses_silently(tmp_path: 
                 hurt[at] ^= 1 << rng.randrange(8)
         seen = read(bytes(hurt))
         assert len(seen.messages) >= 40 or seen.damages
+
+
+def test_a_second_bag_in_the_same_file_is_a_loss(tmp_path: Path) -> None:
+    seen = read(ros1_bag(tmp_path / "x.bag", 40) * 2)
+    assert numbers(seen) == ALL
+    assert [(damage.lossless, "another log follows" in damage.what) for damage in seen.damages] == [(False, True)]
+
+
+def test_records_too_large_for_the_memory_are_passed_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(bag1_file, "RECORD_LIMIT", 5000)
+    data = ros1_bag(tmp_path / "x.bag", 40, chunk=10**6)
+    for pipe in (False, True):
+        seen = read(data, pipe=pipe)
+        assert seen.messages == []
+        assert [damage.what.partition(" has ")[2] for damage in seen.damages] == ["0 MiB, more than 256; it is skipped"]

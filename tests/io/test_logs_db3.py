@@ -107,7 +107,7 @@ def test_views_and_foreign_databases_are_refused(tmp_path: Path) -> None:
             " (SELECT 1 UNION ALL SELECT id + 1 FROM n) SELECT id, 1 topic_id, 2 timestamp, x'00' data FROM n;"
         )
     (damage,) = read(tmp_path / "x.db3").damages
-    assert "no table messages" in damage.what
+    assert "no plain table messages" in damage.what
 
 
 def test_rows_of_wrong_types_are_counted(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import io
 import struct
 from collections import Counter
 from typing import TYPE_CHECKING
+from unittest import mock
 
 import pytest
 from mcap.reader import make_reader
@@ -11,9 +12,11 @@ from mcap.records import Chunk, MessageIndex
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType
 
-from mclcli.io.logs.base import PassedOver
+from mclcli.io.logs import mcap_file, open_log
+from mclcli.io.logs.base import Channel, PassedOver, Recorded, Tally
 from mclcli.io.logs.mcap_file import McapFile
 from mclcli.io.logs.source import ByteSource
+from tests.battery import records
 from tests.data import shared
 from tests.io.logs import Seen, look, look_at, mcap_bytes, numbers, seeded
 
@@ -243,3 +246,55 @@ def test_a_damaged_file_never_raises_and_never_hangs(tmp_path: Path) -> None:
         path.write_bytes(hurt)
         seen = look_at(path)
         assert seen.damages or numbers(seen) == ALL
+
+
+def test_many_channels_take_no_longer_each(tmp_path: Path) -> None:
+    channels = b"".join(records.channel(number, 9, f"/t{number}") for number in range(6, 20_000))
+    (tmp_path / "x.mcap").write_bytes(records.mcap(records.schema(9, "a/B", "ros2msg", ""), channels))
+    log, tally = open_log([tmp_path / "x.mcap"]), Tally()
+    with mock.patch.object(Channel, "__eq__", side_effect=AssertionError("compared one by one")):
+        assert list(log.messages(None, tally)) == []
+    assert len(tally.channels) == 19_994
+
+
+@pytest.mark.parametrize("pipe", [False, True])
+def test_a_second_log_in_the_same_file_is_a_loss(pipe: bool) -> None:  # noqa: FBT001
+    seen = read(mcap_bytes(STAMPS) * 2, pipe=pipe)
+    assert numbers(seen) == ALL
+    assert [damage.lossless for damage in seen.damages] == [False]
+    assert f"another log follows at byte {len(mcap_bytes(STAMPS))}" in seen.damages[0].what
+
+
+def test_records_too_large_for_the_memory_are_passed_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcap_file, "RECORD_LIMIT", 5000)
+    for compression in COMPRESSIONS:
+        seen = read(
+            mcap_bytes(STAMPS[:8], chunk_size=1) + mcap_bytes(STAMPS, compression=compression, chunk_size=10**6)
+        )
+        assert numbers(seen) == ALL[:8]
+    large = records.mcap(records.drive(), records.record(records.MESSAGE, bytes(6000)))
+    for pipe in (False, True):
+        seen = read(large, pipe=pipe)
+        assert len(seen.messages) == 313
+        assert [damage.what for damage in seen.damages] == [
+            f"record at byte {8 + 9 + 19 + len(records.drive())} has 0 MiB, more than 256; it is skipped"
+        ]
+
+
+def test_large_messages_are_views_of_their_chunk(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mcap_file, "LARGE", 200)
+    for compression in COMPRESSIONS:
+        seen = read(mcap_bytes(STAMPS, compression=compression))
+        assert numbers(seen) == ALL
+        assert {type(message.data).__name__ for message in seen.messages} == {"memoryview"}
+
+
+def test_publish_times_and_schemas_are_kept() -> None:
+    data = records.mcap(
+        records.schema(1, "a/B", "jsonschema", "{}"),
+        records.channel(1, 1, "/a", "json", records.text("k") + records.text("v")),
+        records.message(1, 5, b"{}"),
+    )
+    (message,) = read(data).messages
+    assert (message.log_time_ns, message.publish_ns, message.channel.definition) == (5, 5, "")
+    assert message.channel.recorded == Recorded("a/B", "jsonschema", b"{}", (("k", "v"),))

@@ -17,6 +17,7 @@ from rosbags.rosbag2 import Reader as Rosbag2Reader
 from mclcli.errors import InputError, UsageError
 from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Tally
+from mclcli.io.logs.source import ByteSource
 from tests.data import shared
 from tests.io.logs import look_at, mcap_bytes, numbers, ros1_bag
 
@@ -223,3 +224,36 @@ def test_opening_a_log_imports_no_decoder() -> None:
     code = "import sys, mclcli.io.logs; print([m for m in ('rosbags', 'numpy', 'sqlite3', 'mcap') if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("count", [2, 40])
+def test_many_splits_are_one_log_with_few_files_open(
+    tmp_path: Path, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Splits of 3 s each, the last second of one within the first of the next; their messages in order of time."""
+    for part in range(count):
+        stamps = [10**9 * (2 * part + 1) + k * 10**8 + part for k in range(30)]
+        (tmp_path / f"x_{part}.mcap").write_bytes(mcap_bytes(stamps))
+    opened, most = 0, 0
+    start, end = ByteSource.__enter__, ByteSource.__exit__
+
+    def enter(source: ByteSource) -> ByteSource:
+        nonlocal opened, most
+        opened += 1
+        most = max(most, opened)
+        return start(source)
+
+    def leave(source: ByteSource, *error: object) -> None:
+        nonlocal opened
+        opened -= 1
+        end(source, *error)
+
+    monkeypatch.setattr(ByteSource, "__enter__", enter)
+    monkeypatch.setattr(ByteSource, "__exit__", leave)
+    tally = Tally()
+    stamps = [message.log_time_ns for message in open_log([tmp_path]).messages(None, tally)]
+    assert len(stamps) == 30 * count
+    assert stamps == sorted(stamps)
+    assert tally.damages == []
+    assert tally.notes == {}
+    assert most <= 4

@@ -139,6 +139,32 @@ def test_a_stamp_of_zero_is_replaced_by_log_time_noted_and_told_once(caplog: pyt
     assert len(caplog.messages) == 1
 
 
+@pytest.mark.parametrize(("angle_max", "noted"), [(-1.2, 0), (-1.1, 0), (-1.0, 1), (9.0, 1), (math.nan, 1)])
+def test_an_angle_max_off_by_more_than_a_beam_is_noted(angle_max: float, noted: int) -> None:
+    tally = Tally()
+    record = decode(raw("cdr", "sensor_msgs/msg/LaserScan", SCAN | {"angle_max": angle_max}), tally)
+    assert isinstance(record, LaserScan)
+    assert record.ranges.size == 4
+    assert sum(tally.notes.get("/t", {}).values()) == noted
+
+
+@pytest.mark.parametrize("place", [1e300, -2e9, math.inf, math.nan])
+def test_what_is_beyond_all_bounds_is_undecodable(place: float) -> None:
+    odometry = ODOMETRY | {"pose": {"pose": pose(place), "covariance": np.zeros(36)}}
+    record = decode(raw("cdr", "nav_msgs/msg/Odometry", odometry))
+    assert isinstance(record, Undecodable)
+    assert "beyond 1e9 m" in record.reason
+
+
+def test_messages_that_would_fill_the_memory_are_undecodable() -> None:
+    long = RawMessage(Channel("/t", "tf2_msgs/msg/TFMessage", "cdr"), 0, bytes((4 << 20) + 1))
+    assert decode(long) == Undecodable("it is longer than 4 MiB")
+    grid = RawMessage(Channel("/t", "nav_msgs/msg/OccupancyGrid", "cdr"), 0, bytes((4 << 20) + 1))
+    assert decode(grid) != Undecodable("it is longer than 4 MiB")
+    with pytest.raises(InputError, match="longer than 16 MiB"):
+        to_plain(RawMessage(Channel("/t", "sensor_msgs/msg/Image", "cdr"), 0, bytes((16 << 20) + 1)))
+
+
 def test_other_types_and_encodings_are_undecodable_with_their_name() -> None:
     assert decode(RawMessage(Channel("/t", "x/msg/Y", "cdr"), 0, b"")) == Undecodable(
         "its type 'x/msg/Y' is of no use here"

@@ -7,11 +7,11 @@ Source: ROS wiki, Bags/Format/2.0.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, cast, final
 
 from mclcli.io.logs import bag1_records as rec
-from mclcli.io.logs.base import Damage, Item, RawMessage
-from mclcli.io.logs.inflate import CHUNK_LIMIT, Budget, CorruptError, inflate, inflate_start
+from mclcli.io.logs.base import LARGE, Damage, FileFacts, Item, RawMessage
+from mclcli.io.logs.inflate import CHUNK_LIMIT, RECORD_LIMIT, Budget, CorruptError, inflate, inflate_start
 from mclcli.io.logs.lanes import Lanes
 from mclcli.io.logs.report import CUT, RESUMES, UNCLOSED, Report
 
@@ -71,6 +71,8 @@ class _Scan:
                 going = yield from self.record(at, raw, head, size)
         yield from self.lanes.report()
         yield from self.report.totals(self.src.offset, self.messages, self.stated or None, self.lanes.nameless)
+        closed = 0 < self.index_at <= self.src.offset
+        yield FileFacts(self.file.source, "ROS 1 bag", closed, "no")
 
     def head(self) -> tuple[bytes, Head, int]:
         """Next record's header: its bytes, fields, and the length of the data that follow."""
@@ -90,6 +92,9 @@ class _Scan:
 
     def record(self, at: int, raw: bytes, head: Head, size: int) -> Generator[Item, None, bool]:
         """Read one record's data and take it in."""
+        if size > RECORD_LIMIT and self.src.skip(size) == size:
+            yield self.report.too_large(at, size)
+            return True
         data = self.src.read(size)
         if len(data) < size:
             return (yield from self.broken(at, raw, head, data))
@@ -112,7 +117,7 @@ class _Scan:
         except CorruptError as error:
             self.report.bad_chunk = self.report.lost(at, f"chunk at byte {at} {error}")
         else:
-            yield from self.records(plain, at)
+            yield from self.records(bytes(plain), at)
 
     def records(self, plain: bytes, at: int, *, cut: bool = False) -> Iterator[Item]:
         """Messages of a run of records, and what is wrong with it; ``cut`` says that it may end anywhere."""
@@ -127,7 +132,8 @@ class _Scan:
                 if lane is None:
                     self.lanes.nameless += 1
                 elif lane.wanted:
-                    yield RawMessage(lane.channel, stamp, plain[start:stop])
+                    data = plain[start:stop] if stop - start < LARGE else cast("bytes", memoryview(plain)[start:stop])
+                    yield RawMessage(lane.channel, stamp, data)
                 else:
                     lane.pass_over(stamp)
                     if not self.lanes.reported:
@@ -155,6 +161,9 @@ class _Scan:
 
     def broken(self, at: int, raw: bytes, head: Head, data: bytes | None) -> Generator[Item, None, bool]:
         """Framing is wrong at byte ``at``: find the next chunk, or see the file as cut there."""
+        if self.index_at and at >= self.index_at and raw[:4] == rec.MAGIC[:4]:
+            yield self.report.lost(at, f"another log follows at byte {at}; it is not read, split the file there")
+            return False
         if self.index_at and at >= self.index_at:
             yield self.report.harmless(at, f"index is damaged at byte {at}, or cut; it is not needed")
             return False

@@ -9,6 +9,10 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
 
+LARGE = 1 << 24
+"""Messages from this size on [bytes] are views of their chunk, so that they are in memory once."""
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Recorded:
@@ -94,7 +98,21 @@ class Damage:
         return f"{self.source}: {self.what}; {self.messages} message{'s'[: self.messages != 1]}{span} skipped"
 
 
-Item = Channel | RawMessage | PassedOver | Damage
+@final
+@dataclass(frozen=True, slots=True)
+class FileFacts:
+    """What one file is: ``kind`` of container, whether it was ``closed``, and whether it has ``checksums``.
+
+    ``checksums`` is ``yes`` where every message is covered by one, ``no``, or ``in part``.
+    """
+
+    source: str
+    kind: str
+    closed: bool
+    checksums: str
+
+
+Item = Channel | RawMessage | PassedOver | Damage | FileFacts
 
 
 class Container(Protocol):
@@ -106,7 +124,7 @@ class Container(Protocol):
         ...
 
     def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
-        """Everything in file order, from the start; each channel before its first message.
+        """Everything in file order, from the start; each channel before its first message, last what the file is.
 
         Messages of channels that are not ``wanted`` come as ``PassedOver``: the very first at once (it may be the
         first message of the log), the others summed up when convenient.
@@ -129,6 +147,7 @@ class Tally:
     notes: dict[str, dict[str, int]] = field(default_factory=dict)
     damages: list[Damage] = field(default_factory=list)
     channels: list[Channel] = field(default_factory=list)
+    files: list[FileFacts] = field(default_factory=list)
     first_ns: int | None = None
     last_ns: int | None = None
     undecodable: int = 0

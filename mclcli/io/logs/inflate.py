@@ -11,9 +11,14 @@ from typing import TYPE_CHECKING, final
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+    from typing import TypeAlias
+
+    Bytes: TypeAlias = bytes | memoryview
 
 CHUNK_LIMIT = 1 << 28
 """Largest chunk that is inflated [bytes]."""
+RECORD_LIMIT = CHUNK_LIMIT + (1 << 16)
+"""Largest record that is taken into memory [bytes]."""
 _STEP = 1 << 16
 
 
@@ -38,15 +43,17 @@ class Budget:
             raise CorruptError("inflates the file to more than 1000 times its size")
 
 
-def inflate(data: bytes, compression: str, size: int, budget: Budget) -> bytes:
+def inflate(data: Bytes, compression: str, size: int, budget: Budget) -> Bytes:
     """Decompress a whole chunk to exactly ``size`` bytes; ``compression`` is '', none, zstd, lz4 or bz2.
+
+    Without compression it is ``data`` itself.
 
     Raises CorruptError for anything else: unknown compression, damaged data, another size.
     """
     if size > CHUNK_LIMIT:
         raise CorruptError(f"declares {size / 2**20:.0f} MiB, more than {CHUNK_LIMIT >> 20} MiB")
     if compression in {"", "none"}:
-        plain = data
+        plain: Bytes = data
     else:
         budget.spend(len(data), size)
         plain = _codec(compression)(data, size + 1)
@@ -66,34 +73,29 @@ def inflate_start(data: bytes, compression: str, size: int, budget: Budget) -> b
         return b""
 
 
-def _codec(compression: str) -> Callable[[bytes, int], bytes]:
+def _codec(compression: str) -> Callable[[Bytes, int], bytes]:
     if compression not in _WHOLE:
         raise CorruptError(f"is compressed with {compression[:20]!r}, which is none of zstd, lz4, bz2")
     return _WHOLE[compression]
 
 
-def _zstd(data: bytes, limit: int) -> bytes:
-    import io
-
+def _zstd(data: Bytes, limit: int) -> bytes:
     import zstandard
 
     try:
-        stream = zstandard.ZstdDecompressor().stream_reader(io.BytesIO(data), read_across_frames=True)
-        return stream.read(limit)
+        return zstandard.ZstdDecompressor().stream_reader(data, read_across_frames=True).read(limit)
     except (zstandard.ZstdError, MemoryError) as error:
         raise CorruptError("does not decompress") from error
 
 
 def _zstd_start(data: bytes, limit: int) -> bytes:
-    import io
-
     import zstandard
 
-    stream = zstandard.ZstdDecompressor().stream_reader(io.BytesIO(data))
+    stream = zstandard.ZstdDecompressor().stream_reader(data)
     return _gather(lambda: stream.read(_STEP), limit, zstandard.ZstdError)
 
 
-def _lz4(data: bytes, limit: int) -> bytes:
+def _lz4(data: Bytes, limit: int) -> bytes:
     from lz4.frame import LZ4FrameDecompressor
 
     decompressor = LZ4FrameDecompressor()
@@ -113,7 +115,7 @@ def _lz4_start(data: bytes, limit: int) -> bytes:
     return _gather(lambda: decompressor.decompress(next(pieces, b""), _STEP), limit, RuntimeError)
 
 
-def _bz2(data: bytes, limit: int) -> bytes:
+def _bz2(data: Bytes, limit: int) -> bytes:
     import bz2
 
     try:
@@ -141,5 +143,5 @@ def _gather(read: Callable[[], bytes], limit: int, failure: type[Exception]) -> 
     return b"".join(parts)[:limit]
 
 
-_WHOLE: dict[str, Callable[[bytes, int], bytes]] = {"zstd": _zstd, "lz4": _lz4, "bz2": _bz2}
+_WHOLE: dict[str, Callable[[Bytes, int], bytes]] = {"zstd": _zstd, "lz4": _lz4, "bz2": _bz2}
 _PARTIAL: dict[str, Callable[[bytes, int], bytes]] = {"zstd": _zstd_start, "lz4": _lz4_start, "bz2": _bz2_start}

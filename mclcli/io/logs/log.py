@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import hashlib
-import heapq
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError
-from mclcli.io.logs.base import Channel, Damage, PassedOver, RawMessage
+from mclcli.io.logs.base import Channel, Damage, FileFacts, PassedOver, RawMessage
+from mclcli.io.logs.merge import merge
 from mclcli.io.logs.reorder import reorder
 
 if TYPE_CHECKING:
@@ -57,10 +57,12 @@ class Log:
         intake = _Intake(tally, strict, announce)
         for damage in self.missing:
             intake.damage(damage)
-        streams = [reorder(intake.messages(container, wanted), intake.late) for container in self.containers]
-        merged = streams[0] if len(streams) == 1 else heapq.merge(*streams, key=lambda message: message.log_time_ns)
         read = tally.read
-        for message in merged:
+        for message in merge(
+            self.containers,
+            lambda container: reorder(intake.messages(container, wanted), intake.late),
+            seekable=self.seekable,
+        ):
             topic = message.channel.topic
             read[topic] = read.get(topic, 0) + 1
             yield message
@@ -92,6 +94,7 @@ class _Intake:
     strict: bool
     announce: bool
     told_late: bool = False
+    channels: set[Channel] = field(default_factory=set)
 
     def messages(self, container: Container, wanted: Callable[[Channel], bool] | None) -> Iterator[RawMessage]:
         """Messages of one container."""
@@ -106,7 +109,10 @@ class _Intake:
                     tally.skip(item.channel.topic, NOT_WANTED, item.messages)
                 elif isinstance(item, Damage):
                     self.damage(item)
-                elif item not in tally.channels:
+                elif isinstance(item, FileFacts):
+                    tally.files.append(item)
+                elif item not in self.channels:
+                    self.channels.add(item)
                     tally.channels.append(item)
         except OSError as error:
             raise unreadable(container.source, error) from error

@@ -10,11 +10,11 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, cast, final
 
 from mclcli.io.logs import mcap_records as rec
-from mclcli.io.logs.base import Damage, Item, RawMessage
-from mclcli.io.logs.inflate import CHUNK_LIMIT, Budget, CorruptError, inflate, inflate_start
+from mclcli.io.logs.base import LARGE, Damage, FileFacts, Item, RawMessage
+from mclcli.io.logs.inflate import CHUNK_LIMIT, RECORD_LIMIT, Budget, CorruptError, inflate, inflate_start
 from mclcli.io.logs.lanes import Lanes
 from mclcli.io.logs.report import CUT, RESUMES, UNCLOSED, Report
 
@@ -55,6 +55,10 @@ class _Scan:
     last_ns: int | None = None
     loose: bool = False  # messages stand outside chunks
     data_ended: bool = False
+    closed: bool = False
+    data_checked: bool = False  # the data section as a whole has a checksum
+    checked: int = 0  # chunks with a checksum of their own
+    unchecked: int = 0
     learned: bool = False
     resumes: int = 0
     safe_at: int = len(rec.MAGIC)  # nothing before this byte is searched after broken framing
@@ -78,6 +82,13 @@ class _Scan:
                 going = yield from self.record(at, head, crc)
         yield from self.lanes.report()
         yield from self.report.totals(self.src.offset, self.messages, self.stated, self.lanes.nameless)
+        yield FileFacts(self.file.source, "MCAP", self.closed, self.checksums())
+
+    def checksums(self) -> str:
+        """Whether the messages are covered by checksums."""
+        if self.data_checked or (self.checked and not self.unchecked and not self.loose):
+            return "yes"
+        return "in part" if self.checked else "no"
 
     def plausible(self, kind: int, length: int) -> bool:
         """Whether a record could have this kind and length here."""
@@ -88,10 +99,14 @@ class _Scan:
     def record(self, at: int, head: bytes, crc: int) -> Generator[Item, None, bool]:
         """Read one record's content and take it in."""
         kind, length = rec.RECORD.unpack(head)
-        body = self.src.read(length) if kind in rec.READ else b""
-        if len(body) < length and (kind in rec.READ or self.src.skip(length) < length):
+        taken = kind in rec.READ and length <= RECORD_LIMIT
+        body = self.src.read(length) if taken else b""
+        if len(body) < length and (taken or self.src.skip(length) < length):
             return (yield from self.broken(at, head, body))
         self.safe_at = at + 1
+        if kind in rec.READ and not taken:
+            yield self.report.too_large(at, length)
+            return True
         if kind == rec.CHUNK:
             yield from self.chunk(at, body)
         elif kind == rec.MESSAGE:
@@ -114,20 +129,26 @@ class _Scan:
             (stated,) = struct.unpack_from("<I", record, 9)
             if stated not in {0, crc} and self.src.crc_valid and not self.report.hurt:
                 yield self.report.lost(at, "data section fails its checksum; something outside its chunks was altered")
+            self.data_checked = stated != 0
             self.data_ended, self.src.crc, self.src.crc_valid = True, 0, True
         elif kind == rec.FOOTER:
             yield from self.close(at, record, crc)
 
     def close(self, at: int, footer: bytes, crc: int) -> Iterator[Item]:
         """Check what the footer says of the summary, and the mark at the end of the file."""
+        self.closed = True
         (stated,) = struct.unpack_from("<I", footer, 25)
         if stated not in {0, zlib.crc32(footer[:25], crc)} and self.src.crc_valid and self.data_ended:
             self.stated = None
             yield self.report.harmless(at, "summary fails its checksum and is not used")
         if self.src.read(len(rec.MAGIC)) != rec.MAGIC:
             yield self.report.harmless(at, "file lacks its closing mark")
-        elif self.src.read(1):
-            yield self.report.harmless(self.src.offset - 1, "bytes after the end of the log are ignored")
+        elif rest := self.src.read(len(rec.MAGIC)):
+            end = self.src.offset - len(rest)
+            if rest == rec.MAGIC:
+                yield self.report.lost(end, f"another log follows at byte {end}; it is not read, split the file there")
+            else:
+                yield self.report.harmless(end, "bytes after the end of the log are ignored")
 
     def define(self, kind: int, body: bytes) -> Iterator[Item]:
         """Take in a schema or a channel; a malformed one shows when its messages come."""
@@ -144,19 +165,22 @@ class _Scan:
         try:
             if head is None or head.data_at + head.data_length != len(body):
                 raise CorruptError("is malformed")  # noqa: TRY301 - every way to drop a chunk ends below
-            plain = inflate(body[head.data_at :], head.compression, head.size, self.budget)
+            packed = memoryview(body)[head.data_at :]
+            plain = inflate(packed, head.compression, head.size, self.budget)
+            self.checked, self.unchecked = self.checked + bool(head.crc), self.unchecked + (not head.crc)
             if head.crc and zlib.crc32(plain) != head.crc:
                 raise CorruptError("fails its checksum")  # noqa: TRY301
         except CorruptError as error:
             span = (head.first_ns, head.last_ns) if head and head.first_ns <= head.last_ns else (None, None)
             self.report.bad_chunk = self.report.lost(at, f"chunk at byte {at} {error}", None, *span)
         else:
-            yield from self.records(plain, at)
+            in_place = plain is packed
+            yield from self.records(body if in_place else bytes(plain), at, head.data_at if in_place else 0)
             self.safe_at = self.src.offset
 
-    def records(self, plain: bytes, at: int, *, cut: bool = False) -> Iterator[Item]:
-        """Messages of a run of records, and what is wrong with it; ``cut`` says that it may end anywhere."""
-        pos, end, count, lanes = 0, len(plain), 0, self.lanes.by_number
+    def records(self, plain: bytes, at: int, pos: int = 0, *, cut: bool = False) -> Iterator[Item]:
+        """Messages of a run of records from ``pos`` on, and what is wrong with it; ``cut``: it may end anywhere."""
+        end, count, lanes = len(plain), 0, self.lanes.by_number
         while pos + 9 <= end:
             kind, length = rec.RECORD.unpack_from(plain, pos)
             stop = pos + 9 + length
@@ -171,7 +195,10 @@ class _Scan:
                 if lane is None:
                     self.lanes.nameless += 1
                 elif lane.wanted:
-                    yield RawMessage(lane.channel, stamp, plain[pos + 31 : stop], published)
+                    data = (
+                        plain[pos + 31 : stop] if length < LARGE else cast("bytes", memoryview(plain)[pos + 31 : stop])
+                    )
+                    yield RawMessage(lane.channel, stamp, data, published)
                 else:
                     lane.pass_over(stamp)
                     if not self.lanes.reported:

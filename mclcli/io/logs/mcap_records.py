@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 import struct
 import zlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
 from mclcli.io.logs.base import Channel, Recorded
@@ -103,7 +103,8 @@ def parse_channel(content: bytes, schemas: dict[int, Recorded]) -> tuple[int, Ch
         metadata = _text_map(content, at)
     except (struct.error, ValueError):
         return None
-    described = replace(schemas.get(schema, _NO_SCHEMA), metadata=tuple(metadata.items()))
+    of = schemas.get(schema, _NO_SCHEMA)
+    described = Recorded(of.name, of.form, of.schema, tuple(metadata.items()))
     definition = described.schema.decode("utf-8", "replace") if described.form in _DEFINITIONS else ""
     latched = is_latched(metadata.get("offered_qos_profiles", "")) or metadata.get("latching") in {"1", "true"}
     digest = metadata.get("md5sum", "")

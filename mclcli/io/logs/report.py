@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
 from mclcli.io.logs.base import Damage
+from mclcli.io.logs.inflate import RECORD_LIMIT
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -35,6 +36,10 @@ class Report:
     def harmless(self, at: int, what: str) -> Damage:
         """Damage that cost no message."""
         return Damage(self.source, at, what, lossless=True)
+
+    def too_large(self, at: int, size: int) -> Damage:
+        """A record that is passed over because it would fill the memory."""
+        return self.lost(at, f"record at byte {at} has {size >> 20} MiB, more than {RECORD_LIMIT >> 20}; it is skipped")
 
     def flush(self) -> Iterator[Damage]:
         """Hand out the chunk that was waiting, if one was."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import stat
 import zlib
@@ -108,11 +109,13 @@ class ByteSource:
     def _from_stream(self, count: int) -> bytes:
         if self.size is not None:
             return self._stream.read(max(0, min(count, self.size - self.offset)))
-        parts, missing = [], count
-        while missing > 0 and (part := self._stream.read(min(missing, STEP))):
-            parts.append(part)
-            missing -= len(part)
-        return parts[0] if len(parts) == 1 else b"".join(parts)
+        if count <= STEP and len(part := self._stream.read(count)) in {0, count}:
+            return part
+        whole = io.BytesIO(part if count <= STEP else b"")
+        whole.seek(0, io.SEEK_END)
+        while (missing := count - whole.tell()) > 0 and (part := self._stream.read(min(missing, STEP))):
+            whole.write(part)
+        return whole.getvalue()
 
 
 _OVERLAP = 512  # longer than any record header that is looked for
