@@ -1,6 +1,18 @@
-"""``python -m mclcli`` is ``mcl``."""
+"""``python -m mclcli`` is ``mcl``; the way in, which knows how to be interrupted before anything else is there."""
 
-from mclcli.cli import main
+from __future__ import annotations
+
+
+def main() -> None:
+    """Run the command line; an interrupt while it is still being imported ends as quietly as any later one."""
+    import sys
+
+    try:
+        from mclcli.cli import main as start
+    except KeyboardInterrupt:
+        sys.exit(130)
+    start()
+
 
 if __name__ == "__main__":
     main()

@@ -40,7 +40,7 @@ def command(logs: tuple[str, ...], output: str, **_: Any) -> int:
     log = open_log(logs, stdin=sys.stdin.buffer if "-" in logs else None)
     tally = Tally()
     inputs = [Path(name) for name in logs]
-    sink = open_output(output, binary=True, inputs=inputs, keep_part=True)
+    sink = open_output(output, binary=True, inputs=inputs)
     try:
         with sink:
             saved = _save(log, tally, sink)
@@ -65,6 +65,7 @@ def _save(log: Log, tally: Tally, sink: Output) -> RecoveredMcap:
                 tally.reject(message.channel.topic, UNWRITABLE)
     finally:
         saved.close()
+        sink.allow_part()
     return saved
 
 

@@ -131,7 +131,8 @@ def command(**arguments: Any) -> int:
     compared = lines_of(findings)
     run_report.show(compared, report_of(findings))
     if arguments["picture"]:
-        title, subtitle = f"Track of {', '.join(recording.log.names)}", (compared or summary)[0]
+        title = f"Track of {', '.join(recording.log.names)}"
+        subtitle = compared[0] if compared else run_report.extent(tally, outputs.track)
         run_report.draw(arguments["picture"], inputs, grid, outputs, findings, title, subtitle)
     return DAMAGED if recording.tally.lossy else 0
 

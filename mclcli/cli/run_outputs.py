@@ -63,6 +63,7 @@ class Outputs:
         self._points: list[RecordWriter[TrackPoint]] = []
         self._steps: list[RecordWriter[StepRecord]] = []
         self._mcaps: list[TraceMcap] = []
+        self._mcap_files: list[Output] = []
 
     @property
     def keeps_transforms(self) -> bool:
@@ -70,8 +71,12 @@ class Outputs:
         return any(target.endswith(".mcap") for role, target in self._targets if role == "trace")
 
     def __enter__(self) -> Self:
-        for role, target in self._targets:
-            self._open(role, target)
+        try:
+            for role, target in self._targets:
+                self._open(role, target)
+        except BaseException:
+            self._stack.__exit__(*sys.exc_info())
+            raise
         return self
 
     def __exit__(
@@ -82,7 +87,9 @@ class Outputs:
                 points.close()
             for steps in self._steps:
                 steps.close()
-        except Exception:
+            for trace_file in self._mcap_files:
+                trace_file.allow_part()
+        except BaseException:
             self._stack.__exit__(*sys.exc_info())
             raise
         self._stack.__exit__(kind, error, trace)
@@ -108,11 +115,12 @@ class Outputs:
 
     def _open(self, role: str, target: str) -> None:
         binary = target.endswith(".mcap")
-        stream = self._stack.enter_context(open_output(target, binary=binary, inputs=self._inputs, keep_part=binary))
+        stream = self._stack.enter_context(open_output(target, binary=binary, inputs=self._inputs))
         self._opened.append(stream)
         sensors = [instrument.name for instrument in self._setup.instruments.values()]
         if binary:
             self._mcaps.append(self._mcap(stream))
+            self._mcap_files.append(stream)
             self._points.append(self._mcaps[-1])
         elif role == "trace":
             self._steps.append(TraceCsv(stream, self._metadata, sensors=sensors))

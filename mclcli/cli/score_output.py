@@ -94,7 +94,7 @@ def _write_mcap(scores: Scores, target: str, inputs: Sequence[Path], scan: Mount
         reliability=0.0,
     )
     point = TrackPoint(record.stamp_ns, belief, 0, np.zeros(3), record, scan.scan)
-    with open_output(target, binary=True, inputs=inputs, keep_part=True) as output:
+    with open_output(target, binary=True, inputs=inputs) as output:
         trace = TraceMcap(
             output,
             grid=grid,

@@ -24,7 +24,6 @@ def open_output(
     *,
     binary: bool,
     inputs: Sequence[Path] = (),
-    keep_part: bool = False,
 ) -> Output:
     """Check a target and return the ``Output`` to use as a context manager; nothing is created before it is entered.
 
@@ -36,8 +35,6 @@ def open_output(
         Whether bytes will be written, else text (UTF-8, newlines as given).
     inputs
         Files, or folders of files, that are being read: none of them may be the target.
-    keep_part
-        Keep the file as ``NAME.part`` if the block ends by KeyboardInterrupt or SystemExit.
 
     Raises
     ------
@@ -51,7 +48,7 @@ def open_output(
         _refuse_inputs(name, found, inputs)
     if name != "-" and not _is_direct(name, found):
         _check_regular(name, found)
-    return Output(name, gz=not binary and name.endswith(".gz"), direct=_is_direct(name, found), keep_part=keep_part)
+    return Output(name, gz=not binary and name.endswith(".gz"), direct=_is_direct(name, found))
 
 
 @final
@@ -59,18 +56,19 @@ class Output:
     """One open target; made by ``open_output``.
 
     Takes ``str`` or ``bytes``. A regular file grows beside its target as ``NAME.XXXXXXXX.part`` and is moved into place
-    when the block ends without an exception; with one it is removed. Anything else is written directly. ``kept`` is the
-    path under which a regular file ended up, None before and if it was removed.
+    when the block ends without an exception; with one it is removed, unless that is a KeyboardInterrupt or SystemExit
+    after ``allow_part``. Anything else is written directly. ``kept`` is the path under which a regular file ended up,
+    None before and if it was removed.
 
     Writing raises InputError if the system refuses; BrokenPipeError passes through untouched.
     """
 
     __slots__ = ("_direct", "_file", "_gzip", "_keep_part", "_name", "_temporary", "kept")
 
-    def __init__(self, name: str, *, gz: bool, direct: bool, keep_part: bool) -> None:
+    def __init__(self, name: str, *, gz: bool, direct: bool) -> None:
         self._name = name
         self._direct = direct
-        self._keep_part = keep_part
+        self._keep_part = False
         self._gzip = zlib.compressobj(6, zlib.DEFLATED, 31) if gz else None  # 31: gzip header with time 0, no name
         self._file: BinaryIO | None = None
         self._temporary: Path | None = None
@@ -115,6 +113,10 @@ class Output:
             raise
         except OSError as error:
             raise self._failure(error) from error
+
+    def allow_part(self) -> None:
+        """Let an interrupt keep the file as ``NAME.part``: what was written is complete in its format."""
+        self._keep_part = True
 
     def keep(self, *, as_part: bool) -> Path | None:
         """Finish now: the file appears under its name, or as ``NAME.part``. Its path; None if written directly.

@@ -39,7 +39,9 @@ REFERENCE_MAP = MAPS / "reference.yaml"
 FILES = ("trace.csv", "trace.csv.gz", "trace.mcap", "track.csv", "track.tum", "steps.csv")  # all outputs of a run
 START_NS = 1_715_697_000 * 10**9
 STORE = STORES["cdr"]
-ENTRY = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from mclcli.cli import main; main()"
+ENTRY = (
+    "import signal; signal.signal(signal.SIGINT, signal.default_int_handler); from mclcli.__main__ import main; main()"
+)
 
 
 @dataclass(frozen=True, slots=True)

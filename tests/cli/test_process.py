@@ -8,6 +8,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, cast
 
@@ -205,6 +206,31 @@ def test_an_interrupt_before_anything_is_written_leaves_nothing(tmp_path: Path) 
     assert result.code == 143
     assert names(tmp_path) == []
     assert "Traceback" not in result.err
+
+
+def test_an_output_that_cannot_be_opened_leaves_none_of_the_others(short: Path, tmp_path: Path) -> None:
+    words = ("-o", tmp_path / "trace.mcap", "--track", tmp_path / "none" / "track.csv")
+    assert "does not exist" in single_error(mcl("run", short, *WORDS, *words), 2)
+    assert names(tmp_path) == []
+
+
+def test_an_interrupt_before_anything_is_recovered_leaves_nothing(tmp_path: Path) -> None:
+    started = process("recover", "-", "-o", tmp_path / "good.mcap", stdin=subprocess.PIPE)
+    stdin = cast("IO[bytes]", started.stdin)
+    stdin.write(OFFICE.read_bytes()[:4000])
+    stdin.flush()
+    while not names(tmp_path):
+        time.sleep(0.01)
+    started.send_signal(signal.SIGINT)
+    result = finish(started)
+    assert (result.code, result.err) == (130, "")
+    assert names(tmp_path) == []
+
+
+def test_a_picture_holds_no_clock(short: Path, tmp_path: Path) -> None:
+    for name in ("a.png", "b.png"):
+        assert mcl("run", short, *WORDS, "--picture", tmp_path / name, "--track", tmp_path / "t.csv").code == 0
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
 
 
 @pytest.mark.parametrize(

@@ -25,11 +25,13 @@ def _write(target: str | Path, data: str | bytes = "a\nb\n", *, inputs: tuple[Pa
 
 
 def _fail(target: Path, error: type[BaseException], *, keep_part: bool = False) -> Output:
-    out = open_output(target, binary=False, keep_part=keep_part)
+    out = open_output(target, binary=False)
 
     def interrupted() -> None:
         with out:
             out.write("half a")
+            if keep_part:
+                out.allow_part()
             raise error
 
     with pytest.raises(error):

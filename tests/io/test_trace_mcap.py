@@ -321,13 +321,14 @@ def test_a_pipe_will_do() -> None:
 
 def test_an_interrupted_run_keeps_whole_steps(tmp_path: Path) -> None:
     def interrupted() -> None:
-        with open_output(tmp_path / "t.mcap", binary=True, keep_part=True) as out:
+        with open_output(tmp_path / "t.mcap", binary=True) as out:
             writer = _writer(out)
             try:
                 _fill(writer, steps=4, n=300)
                 raise KeyboardInterrupt
             finally:
                 writer.close()
+                out.allow_part()
 
     with pytest.raises(KeyboardInterrupt):
         interrupted()
