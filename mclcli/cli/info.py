@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import datetime as dt
 import json
 import shlex
@@ -14,6 +15,7 @@ from mclcli.cli import options
 from mclcli.text import clean
 
 if TYPE_CHECKING:
+    from mclcli.io.diagnosis import Diagnosis
     from mclcli.io.recording import Recording
     from mclcli.io.roles import Roles
     from mclcli.io.survey import TopicSurvey
@@ -27,22 +29,27 @@ DAMAGED = 3
 @options.threads
 @options.common
 def command(logs: tuple[str, ...], as_json: bool, **_: Any) -> int:
-    """Topics by role and why, counts, rates, laser geometry, frames, gaps, damage, and the `mcl run` line."""
+    """Topics by role and why, counts, rates, laser geometry, frames, and the `mcl run` line.
+
+    And what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
+    """
     from mclcli.io import roles
+    from mclcli.io.diagnosis import Diagnosis
     from mclcli.io.logs import open_log
     from mclcli.io.recording import Recording
 
-    stdin = sys.stdin.buffer if "-" in logs else None
-    recording = Recording(open_log(logs, stdin=stdin), whole=True)
+    stdin, diagnosis = sys.stdin.buffer if "-" in logs else None, Diagnosis()
+    recording = Recording(open_log(logs, stdin=stdin), whole=True, diagnosis=diagnosis)
     parts = roles.assign(recording.found, roles.Wishes())
-    facts = describe(recording, parts, logs)
+    facts = describe(recording, diagnosis, parts, logs)
     click.echo(json.dumps(facts, indent=2) if as_json else "\n".join(_lines(facts)))
     return DAMAGED if recording.tally.lossy else 0
 
 
-def describe(recording: Recording, parts: Roles, logs: tuple[str, ...]) -> dict[str, Any]:
+def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tuple[str, ...]) -> dict[str, Any]:
     """Everything ``mcl info`` knows, as plain values."""
     span = recording.found.span_ns
+    lidars = [_lidar(recording, parts, topic) for topic in parts.scan]
     topics = [recording.found.topics[name] for name in sorted(recording.found.topics)]
     return {
         "files": list(recording.log.names),
@@ -50,7 +57,8 @@ def describe(recording: Recording, parts: Roles, logs: tuple[str, ...]) -> dict[
         "start_utc": None if span is None else _utc(span[0]),
         "duration": None if span is None else (span[1] - span[0]) * 1e-9,
         "messages": sum(topic.count for topic in topics),
-        "topics": [_topic(topic, parts) for topic in topics],
+        "checks": [dataclasses.asdict(file) for file in recording.tally.files],
+        "topics": [_topic(topic, parts, diagnosis) for topic in topics],
         "roles": {
             "scan": list(parts.scan),
             "odometry": parts.odometry,
@@ -61,11 +69,26 @@ def describe(recording: Recording, parts: Roles, logs: tuple[str, ...]) -> dict[
             "odom_frame": parts.odom_frame,
             "reasons": parts.reasons,
         },
-        "lidars": [_lidar(recording, parts, topic) for topic in parts.scan],
+        "lidars": lidars,
         "frames": {frame: recording.found.frames.parent(frame) for frame in recording.found.frames.frames},
         "damage": [damage.describe(span[0] if span else None) for damage in recording.tally.damages],
+        "problems": [*diagnosis.problems(span[0] if span else 0), *_loose(recording, parts, lidars)],
         "run": _run_line(parts, logs),
     }
+
+
+def _loose(recording: Recording, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:
+    """Frames that do not connect, and lidars that are not on the base."""
+    from mclcli.io.diagnosis import loose_frames
+
+    unmounted = [lidar for lidar in lidars if lidar["base_from_sensor"] is None]
+    return [
+        *loose_frames(recording.found.frames),
+        *(
+            f"{clean(lidar['topic'])}: no transform from '{clean(parts.base_frame)}' to '{clean(lidar['frame'])}'"
+            for lidar in unmounted
+        ),
+    ]
 
 
 def _utc(stamp_ns: int) -> str | None:
@@ -75,8 +98,9 @@ def _utc(stamp_ns: int) -> str | None:
         return None
 
 
-def _topic(topic: TopicSurvey, parts: Roles) -> dict[str, Any]:
+def _topic(topic: TopicSurvey, parts: Roles, diagnosis: Diagnosis) -> dict[str, Any]:
     name = topic.channel.topic
+    times = diagnosis.times(name)
     role = next((role for role in ("odometry", "truth", "map") if getattr(parts, role) == name), "")
     role = "scan" if name in parts.scan else "vision" if name in parts.vision else role
     return {
@@ -84,7 +108,12 @@ def _topic(topic: TopicSurvey, parts: Roles) -> dict[str, Any]:
         "type": topic.channel.type,
         "messages": topic.count,
         "rate": topic.rate,
+        "interval": times.interval,
         "longest_gap": topic.longest_gap_ns * 1e-9,
+        "gaps": len(times.gaps),
+        "time_jumps": len(times.jumps) or len(times.stamp_jumps),
+        "log_time_minus_stamp": times.lag,
+        "not_stamped": times.zero_stamps,
         "role": role,
         "why": parts.reasons.get(role, ""),
         "problem": topic.problem,
@@ -133,7 +162,9 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     names = ", ".join(clean(name) for name in facts["files"])
     duration = facts["duration"]
     when = "" if duration is None else f", {duration:.1f} s from {facts['start_utc']} (@{facts['start']:.9f})"
-    lines = [f"{names}: {facts['messages']} messages on {len(facts['topics'])} topics{when}", ""]
+    lines = [f"{names}: {facts['messages']} messages on {len(facts['topics'])} topics{when}"]
+    lines += [_check_line(file) for file in facts["checks"]]
+    lines.append("")
     lines += _table([_row(topic) for topic in facts["topics"]])
     for lidar in facts["lidars"]:
         lines += ["", _lidar_line(lidar)]
@@ -143,7 +174,14 @@ def _lines(facts: dict[str, Any]) -> list[str]:
         f"odometry: {clean(roles['odometry']) or 'none'} ({clean(roles['odom_frame'])} to {clean(roles['base_frame'])})"
     )
     lines += [f"damage: {clean(text, 300)}" for text in facts["damage"]]
+    lines += [f"problem: {clean(text, 300)}" for text in facts["problems"]]
     return [*lines, "", clean(facts["run"], 1000)]
+
+
+def _check_line(file: dict[str, Any]) -> str:
+    """What one file is."""
+    closed = "closed" if file["closed"] else "not closed"
+    return f"{clean(file['source'])}: {file['kind']}, {closed}, checksums: {file['checksums']}"
 
 
 def _row(topic: dict[str, Any]) -> tuple[str, ...]:
@@ -180,13 +218,10 @@ def _lidar_line(lidar: dict[str, Any]) -> str:
 
 
 def _tree(parents: dict[str, str | None], roles: dict[str, Any], lidars: list[dict[str, Any]]) -> list[str]:
-    """How the frames that matter hang together, root first, and what is not connected."""
+    """How the frames that matter hang together, root first."""
     ends = [lidar["frame"] for lidar in lidars] or [roles["base_frame"]]
     lines = [f"frames: {' > '.join(clean(frame) for frame in reversed(_chain(parents, end)))}" for end in ends]
-    roots = sorted(frame for frame, parent in parents.items() if parent is None)
     lines[0] += f" ({len(parents)} in all)"
-    if len(roots) > 1:
-        lines.append(f"frames: {len(roots)} trees that nothing connects, with roots {', '.join(map(clean, roots))}")
     return lines
 
 

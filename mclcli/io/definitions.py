@@ -66,6 +66,15 @@ def definition_of(channel: Channel) -> str:
     return text
 
 
+def begins_with_header(channel: Channel) -> bool:
+    """Whether the messages of a channel begin with a std_msgs/Header; False where their type is not known."""
+    store = store_for(channel)
+    if isinstance(store, str):
+        recorded = parse_definition(channel.type, channel.definition[:_DEFINITION_LIMIT]) or {}
+        return recorded.get(_short(channel.type), (("", ""),))[:1] == (("std_msgs/Header", "header"),)
+    return _fields(store, channel.type)[:1] == (("std_msgs/Header", "header"),)
+
+
 @lru_cache(maxsize=8)
 def _store(name: str, age: int) -> Typestore:
     """Build one type store, with our own texts added: expensive, so once per process and only when needed."""

@@ -16,6 +16,7 @@ from mclcli.io.survey import LogSurvey, survey
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from mclcli.io.diagnosis import Diagnosis
     from mclcli.io.logs import Log
     from mclcli.io.logs.base import RawMessage
 
@@ -40,16 +41,20 @@ class Recording:
     """A log and what a first look found in it.
 
     A file is looked through whole. A pipe cannot be read twice: its first 10 s are kept and looked through, and what
-    comes later goes by once, unless the ``whole`` of it is only to be looked at. ``tally`` counts what was read.
+    comes later goes by once, unless the ``whole`` of it is only to be looked at. ``tally`` counts what was read;
+    ``diagnosis`` sees all that is looked through.
     """
 
-    def __init__(self, log: Log, *, strict: bool = False, whole: bool = False) -> None:
+    def __init__(
+        self, log: Log, *, strict: bool = False, whole: bool = False, diagnosis: Diagnosis | None = None
+    ) -> None:
         self.log = log
         self.tally = Tally()
         self._head: list[RawMessage] = []
         self._rest: Iterator[RawMessage] = iter(())
         if log.seekable or whole:
-            self.found = survey(log.messages(None, self.tally, strict=strict))
+            messages = log.messages(None, self.tally, strict=strict)
+            self.found = survey(diagnosis.watch(messages) if diagnosis else messages)
         else:
             self._rest = log.messages(None, self.tally, strict=strict)
             self.found = self._look_ahead()
