@@ -14,7 +14,7 @@ from tests.battery.harness import ALTERATION, CRASH, HANG, LARGE, LOSS, WRONG, C
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-QUICK = 0.03
+QUICK = 0.01
 KINDS = (CRASH, HANG, LARGE, LOSS, ALTERATION, WRONG)
 
 
@@ -41,7 +41,8 @@ def main(words: Sequence[str] | None = None) -> int:
             print(_row(name, tally), flush=True)
             for case, kind, what in tally.problems[:20]:
                 print(f"    {kind}: {case}: {what}", file=sys.stderr)
-            print(f"    {name}: {time.monotonic() - began:.0f} s", file=sys.stderr)
+            wall = time.monotonic() - began
+            print(f"    {name}: {wall:.0f} s; slowest {tally.slowest}; largest {tally.largest}", file=sys.stderr)
     return 1 if broken else 0
 
 

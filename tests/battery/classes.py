@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tests.battery import damaged
+from tests.battery import bombs, caching, crafted, damaged, drives, interrupts, maps, naming, truncation, writing
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -13,4 +13,13 @@ if TYPE_CHECKING:
 
 CLASSES: dict[str, Callable[[int, float], list[Case]]] = {
     "damaged logs": damaged.cases,
+    "truncation": truncation.cases,
+    "crafted logs": crafted.cases,
+    "bombs": bombs.cases,
+    "maps": maps.cases,
+    "scans and frames": drives.cases,
+    "failing writes": writing.cases,
+    "interrupts": interrupts.cases,
+    "cache": caching.cases,
+    "hostile names": naming.cases,
 }

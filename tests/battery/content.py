@@ -42,7 +42,7 @@ def messages(encoding: str) -> tuple[Known, ...]:
     found = [_static(encoding)]
     for number in range(SECONDS * 10):
         at = START_NS + number * 10**8
-        pose = _pose(number / 10)
+        pose = pose_at(number / 10)
         found += [_odometry(encoding, at, pose), _transform(encoding, at + 10**6, pose)]
         if number % 2:
             found.append(_scan(encoding, at + 2 * 10**6, pose))
@@ -66,7 +66,8 @@ def definition(encoding: str, kind: str) -> tuple[str, str]:
     return text, digest
 
 
-def _pose(seconds: float) -> tuple[float, float, float]:
+def pose_at(seconds: float) -> tuple[float, float, float]:
+    """Pose of the base in the map, and in the odometry's frame, so many seconds after the start."""
     angle = 0.2 * seconds
     return 1.5 * math.cos(angle), 1.5 * math.sin(angle), angle + math.pi / 2
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable
     from pathlib import Path
 
+    from tests.battery.damages import Change
+
     Stamped = tuple[str, int, bytes]
 
 RUNS = 12
@@ -33,11 +35,14 @@ def cases(seed: int, share: float) -> list[Case]:
     """Every base log with a ``share`` of all damages."""
     found = []
     for base in base_logs():
-        rng = seeded(f"{seed} {base.name}")
-        for number, (name, data) in enumerate(damages(base.data, rng, share)):
-            runs = number % RUNS == 0
-            found.append(Case(f"{base.name}, {name}", partial(check, base, data, runs=runs)))
+        for number, (name, change) in enumerate(damages(share)):
+            title = f"{base.name}, {name}"
+            found.append(Case(title, partial(_check, base, change, f"{seed} {title}", runs=number % RUNS == 0)))
     return found
+
+
+def _check(base: Base, change: Change, seed: str, folder: Path, *, runs: bool) -> Verdict:
+    return check(base, change(base.data, seeded(seed)), folder, runs=runs)
 
 
 def check(base: Base, data: bytes, folder: Path, *, runs: bool = False) -> Verdict:
@@ -104,7 +109,7 @@ def _recovered(folder: Path, path: Path, found: list[Stamped], *, lossy: bool | 
         return problems + ([(WRONG, "recover left a file without messages")] if good.exists() else [])
     with good.open("rb") as stream:
         saved = [(c.topic, m.log_time, m.data) for _, c, m in make_reader(stream, validate_crcs=True).iter_messages()]
-    if Counter(saved) != Counter(found):
+    if Counter(saved) != Counter(item for item in found if item[1] >= 0):  # what MCAP can date
         problems.append((WRONG, f"recover saved {len(saved)} of {len(found)} messages"))
     return problems
 

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     import random
     from collections.abc import Callable, Iterator
+    from typing import TypeAlias
 
-    Change = Callable[[bytes, random.Random], bytes]
+    Change: TypeAlias = Callable[[bytes, random.Random], bytes]
 
 LFS = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a214614ab2935c943f9e0ff69d22eadbb8f32b1\nsize 12345\n"
 HTML = b"<!DOCTYPE html>\n<html><head><title>404</title></head><body>Not found</body></html>\n"
@@ -81,8 +82,8 @@ COUNTS: dict[str, tuple[int, Change]] = {
 }
 
 
-def damages(data: bytes, rng: random.Random, share: float = 1.0) -> Iterator[tuple[str, bytes]]:
-    """Damaged versions with the name of each damage; a ``share`` of every kind, at least one."""
+def damages(share: float = 1.0) -> Iterator[tuple[str, Change]]:
+    """Name and change of each damage; a ``share`` of every kind, at least one."""
     for kind, (count, change) in COUNTS.items():
         for number in range(max(1, round(count * share))):
-            yield f"{kind} {number}", change(data, rng)
+            yield f"{kind} {number}", change

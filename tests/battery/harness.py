@@ -37,11 +37,11 @@ class Verdict(NamedTuple):
 
 
 class Case(NamedTuple):
-    """One input with its check, which gets an empty folder to work in."""
+    """One input with its check, which gets a folder to work in; ``prepare`` fills it, unmeasured."""
 
     name: str
     check: Callable[[Path], Verdict]
-    heavy: bool = False
+    prepare: Callable[[Path], object] = lambda _: None
 
 
 class Ended(NamedTuple):
@@ -59,6 +59,8 @@ class Tally:
     cases: int = 0
     seconds: float = 0.0
     mib: float = 0.0
+    slowest: str = ""
+    largest: str = ""
     figures: Counter[str] = field(default_factory=Counter)
     problems: list[tuple[str, str, str]] = field(default_factory=list)
     """(case, kind, what)"""
@@ -66,7 +68,10 @@ class Tally:
     def add(self, case: Case, ended: Ended) -> None:
         """Take one case in."""
         self.cases += 1
-        self.seconds, self.mib = max(self.seconds, ended.seconds), max(self.mib, ended.mib)
+        if ended.seconds > self.seconds:
+            self.seconds, self.slowest = ended.seconds, case.name
+        if ended.mib > self.mib:
+            self.mib, self.largest = ended.mib, case.name
         self.figures.update(ended.verdict.figures)
         problems = list(ended.verdict.problems)
         if ended.seconds > PROMISED_S:
@@ -147,6 +152,7 @@ def _serve(cases: Sequence[Case], pipe: Connection) -> None:
 
 def _measured(case: Case) -> Ended:
     folder = Path(tempfile.mkdtemp(prefix="mcl-battery-"))
+    case.prepare(folder)
     before = _reset_peak()
     began = time.process_time()
     try:
