@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     FieldMaker = Callable[..., DistanceField]
     Mounts = Mapping[str, NDArray[np.float64]]
 
-# Measured, see docs/decisions/0004.
-LIDAR_TEMPERATURE = 0.5
+# Measured, see docs/decisions/0004 and 0015.
+LIDAR_TEMPERATURE = "auto"
 VISION_TEMPERATURE = 0.15
 _UPDATES_OF_A_STREAM = 1500  # nobody knows how long a stream will be
 

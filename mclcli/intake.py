@@ -96,6 +96,9 @@ class ReplayTally:
     scored: Counter[str] = field(default_factory=Counter)
     unknown: Counter[str] = field(default_factory=Counter)
     independent: dict[str, float] = field(default_factory=dict)
+    unreliable: int = 0
+    doubtful_ns: list[tuple[int, int]] = field(default_factory=list)
+    _doubting: bool = False
 
     def take_update(self, record: StepRecord, measurements: Sequence[Measurement]) -> None:
         """Count one update: by sensor the beams or sightings scored, those of unknown ids, and Σ α·K."""
@@ -107,6 +110,18 @@ class ReplayTally:
             self.scored[name] += measurement.count
             self.unknown[name] += measurement.unknown
             self.independent[name] = self.independent.get(name, 0.0) + alpha * measurement.count
+
+    def judge(self, record: StepRecord, *, lost: bool) -> None:
+        """Count an update at which the robot is probably lost; ``doubtful_ns`` are the spans of such updates."""
+        if not lost:
+            self._doubting = False
+            return
+        self.unreliable += 1
+        if self._doubting:
+            self.doubtful_ns[-1] = (self.doubtful_ns[-1][0], record.stamp_ns)
+        else:
+            self.doubtful_ns.append((record.stamp_ns, record.stamp_ns))
+        self._doubting = True
 
 
 class Item(NamedTuple):

@@ -103,8 +103,8 @@ MODELS = {name: entry.group for name, entry in LIDAR_MODELS.items()}
 
 # What a profile changes of the textbook's defaults, for all models and for one. Beluga's and nav2's differences are
 # described, with their sources, in docs/models.md.
-_NO_RECOVERY: dict[str, Value] = {"recovery": "uniform", "recovery_alpha_slow": 0.0, "recovery_alpha_fast": 0.0}
 _ALPHAS: dict[str, Value] = {f"alpha{i}": 0.2 for i in range(1, 6)}
+_NO_RECOVERY: dict[str, Value] = {"recovery": "uniform", "recovery_alpha_slow": 0.0, "recovery_alpha_fast": 0.0}
 _NAV2: dict[str, Value] = {
     **_ALPHAS,
     "short_range": "max",

@@ -143,7 +143,7 @@ class StepRecord:
     ``poses`` (N, 3) as scored, before resampling. ``log_likelihoods`` (S, N), untempered, a row per name in
     ``sensors``. ``log_weights`` (N,) = log W_{t−1} + Σ α·ℓ; ``weights`` (N,) is its softmax.
     ``log_evidence`` = log Σ W_{t−1} e^{Σℓ}, untempered. ``beams_used`` counts beams and sightings scored.
-    ``reliability`` in [0, 1]: geometric mean likelihood per beam, relative to a beam that fits perfectly.
+    ``reliability`` in [0, 1]: about the share of beams that the map explains, see ``mclcli.filter.fit``.
     ``hypotheses`` are the heaviest clusters, in falling order of weight; ``injected`` particles of the next step were
     drawn anew. ``counts`` are beams and sightings scored per sensor; with temperature ``auto``, α·count is K_eff.
     """

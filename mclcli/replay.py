@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli import rng, se2, se3
-from mclcli.filter import particles, policies
+from mclcli.filter import fit, particles, policies
 from mclcli.filter.recovery import Situation
 from mclcli.filter.start import Opening, Patience, carried, spread_of
 from mclcli.filter.state import FilterState, initial_state
@@ -183,6 +183,7 @@ class _Run:
         )
         self._next_step = state.step
         self._tally.take_update(record, measurements)
+        self._tally.judge(record, lost=record.reliability < fit.PROBABLY_LOST)
         self._tally.distance += math.hypot(increment[0], increment[1])
         return _Belief(state, odom, record.estimate), record
 

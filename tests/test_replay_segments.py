@@ -94,7 +94,7 @@ def test_odometry_that_is_reset_does_not_carry_the_robot_away() -> None:
 
 
 @pytest.mark.parametrize(
-    ("step", "seconds", "jumps"), [(0.24, 0.001, 0), (0.26, 0.001, 1), (4.9, 0.5, 0), (5.1, 0.5, 1)]
+    ("step", "seconds", "jumps"), [(0.99, 0.001, 0), (1.01, 0.001, 1), (4.9, 0.5, 0), (5.1, 0.5, 1)]
 )
 def test_what_counts_as_a_jump(step: float, seconds: float, jumps: int) -> None:
     _, tally = run([odom(0, 0), odom(seconds, step)], odometry_limits=LIMITS)
@@ -102,7 +102,7 @@ def test_what_counts_as_a_jump(step: float, seconds: float, jumps: int) -> None:
 
 
 def test_a_turn_too_fast_is_a_jump() -> None:
-    _, tally = run([odom(0, 0), odom(0.05, 0, 0, 0.7), odom(0.1, 0, 0, 1.6)], odometry_limits=LIMITS)
+    _, tally = run([odom(0, 0), odom(0.05, 0, 0, 1.4), odom(0.1, 0, 0, 3.0)], odometry_limits=LIMITS)
     assert tally.odometry_jumps == 1
 
 

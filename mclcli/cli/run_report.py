@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mclcli.cli import console
+from mclcli.filter.fit import PROBABLY_LOST
 from mclcli.text import clean
 
 if TYPE_CHECKING:
@@ -89,7 +90,17 @@ def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Tra
             f"odometry {clean(setup.odometry)}: {tally.odometry_gaps} gaps over 1 s, the longest "
             f"{tally.longest_gap_ns * 1e-9:.1f} s; interpolated"
         )
-    return lines + _events_of(setup, tally) + _unread(recording)
+    return lines + _events_of(setup, tally) + _doubts(recording, tally) + _unread(recording)
+
+
+def _doubts(recording: Recording, tally: ReplayTally) -> list[str]:
+    """When the robot was probably lost, or where the map knows nothing."""
+    if not tally.doubtful_ns:
+        return []
+    first_ns, last_ns = max(tally.doubtful_ns, key=lambda span: span[1] - span[0])
+    share = f"{tally.unreliable} of {tally.updates} updates (reliability < {PROBABLY_LOST:g})"
+    begin, end = ((stamp_ns - recording.first_ns) * 1e-9 for stamp_ns in (first_ns, last_ns))
+    return [f"probably lost, or off the map, at {share}, longest from {begin:.1f} to {end:.1f} s of the log"]
 
 
 def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:

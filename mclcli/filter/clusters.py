@@ -50,7 +50,10 @@ def find(poses: NDArray[np.float64], weights: NDArray[np.float64], *, wrap_yaw: 
 
     A cluster without weight counts its particles equally. Without ``wrap_yaw`` headings of −π and π are apart.
     """
-    labels, total = _heaviest_first(_components(bins(poses, wrap_yaw=wrap_yaw), wrap_yaw=wrap_yaw), weights)
+    index = bins(poses, wrap_yaw=wrap_yaw)
+    together = bool((index.max(axis=0) - index.min(axis=0) <= 1).all())  # bins that all touch, as of a tracked robot
+    component = np.zeros(len(index), np.int64) if together else _components(index, wrap_yaw=wrap_yaw)
+    labels, total = _heaviest_first(component, weights)
     share = _share(labels, weights, total)
     means, resultants = _means(poses, labels, share)
     residual = poses - means[labels]

@@ -19,15 +19,34 @@ _THINNED = 2000
 
 
 def stated(
-    poses: NDArray[np.float64], weights: NDArray[np.float64], *, mean_of: str = "set", covariance_of: str = "set"
-) -> Estimate:
-    """Mean and covariance, each of the whole ``set`` or of its ``heaviest`` cluster; nav2_amcl takes one of each."""
-    whole = weighted_mean(poses, weights)
-    if mean_of == covariance_of == "set":
-        return whole
-    heaviest = clusters.find(poses, weights).heaviest
-    mean, covariance = (heaviest if of == "heaviest" else whole for of in (mean_of, covariance_of))
-    return Estimate(mean.pose, covariance.covariance)
+    poses: NDArray[np.float64],
+    weights: NDArray[np.float64],
+    *,
+    mean_of: str = "set",
+    covariance_of: str = "set",
+    most: int = 0,
+) -> tuple[Estimate, tuple[Hypothesis, ...]]:
+    """The estimate, and the heaviest clusters, at most so many.
+
+    Mean and covariance are each of the whole ``set`` or of its ``heaviest`` cluster; nav2_amcl takes one of each. Of a
+    large set hypotheses are those of 2,000 of its particles: clusters of less weight are not worth stating.
+    """
+    whole, heaviest = weighted_mean(poses, weights), "heaviest" in {mean_of, covariance_of}
+    if not most and not heaviest:
+        return whole, ()
+    thin = poses.shape[0] > _THINNED
+    found = clusters.find(poses, weights) if heaviest or not thin else _thinned(poses, weights)
+    named = {"set": whole, "heaviest": found.heaviest}
+    estimate = Estimate(named[mean_of].pose, named[covariance_of].covariance)
+    places = zip(found.weights[:most].tolist(), found.means, found.covariances, strict=False)
+    return estimate, tuple(Hypothesis(weight, Estimate(mean, spread)) for weight, mean, spread in places)
+
+
+def _thinned(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> clusters.Clusters:
+    """Clusters of an even choice of particles that weigh the same."""
+    pointers = (np.arange(_THINNED) + 0.5) / _THINNED
+    chosen = np.minimum(np.searchsorted(np.cumsum(weights), pointers), weights.size - 1)
+    return clusters.find(poses[chosen], np.full(_THINNED, 1.0 / _THINNED))
 
 
 def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> Estimate:
@@ -56,19 +75,3 @@ def has_converged(poses: NDArray[np.float64], estimate: Estimate) -> bool:
     """Whether 95 % of the particles are within 0.5 m of the estimate in x and in y."""
     offset = np.abs(poses[:, :2] - estimate.pose[:2]).max(axis=1)
     return bool(np.count_nonzero(offset <= _CONVERGED_RADIUS) >= _CONVERGED_SHARE * offset.size)
-
-
-def hypotheses(poses: NDArray[np.float64], weights: NDArray[np.float64], most: int) -> tuple[Hypothesis, ...]:
-    """The heaviest clusters of poses (N, 3) with weights (N,), at most so many.
-
-    A large set is thinned to 2,000 equally weighted particles first: clusters of less weight are not worth stating.
-    """
-    if most == 0:
-        return ()
-    if poses.shape[0] > _THINNED:
-        pointers = (np.arange(_THINNED) + 0.5) / _THINNED
-        chosen = np.minimum(np.searchsorted(np.cumsum(weights), pointers), weights.size - 1)
-        poses, weights = poses[chosen], np.full(_THINNED, 1.0 / _THINNED)
-    found = clusters.find(poses, weights)
-    heaviest = zip(found.weights[:most].tolist(), found.means, found.covariances, strict=False)
-    return tuple(Hypothesis(weight, Estimate(mean, covariance)) for weight, mean, covariance in heaviest)

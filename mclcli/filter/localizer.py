@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from mclcli import rng
-from mclcli.filter import estimate, policies, recovery, scoring, temperature, weights
+from mclcli.filter import estimate, fit, policies, recovery, scoring, temperature, weights
 from mclcli.filter.kld import KldParameters, kld_size
 from mclcli.filter.recovery import RecoveryParameters
 from mclcli.filter.resampling import RESAMPLERS
@@ -58,9 +58,7 @@ class Localizer:
         """
         poses = self._propagate(state, increment)
         log_likelihoods = scoring.score(measurements, poses)
-        alphas = temperature.resolve(
-            measurements, log_likelihoods, state.log_weights, state.correlations, self.parameters.ess_target
-        )
+        alphas = self._temper(state, measurements, log_likelihoods)
         log_weights, degenerate = self._reweight(state.log_weights, scoring.temper(alphas, log_likelihoods))
         record = self._record(state, poses, measurements, log_likelihoods, log_weights)
         record = dataclasses.replace(record, stamp_ns=stamp_ns, segment=segment, alphas=alphas, degenerate=degenerate)
@@ -68,13 +66,14 @@ class Localizer:
         record = self._decide(record, policies.add_way(state.way, increment), averages if propose else None)
         after = self._resample(record, propose) if record.resampled else _carry(record)
         if self.parameters.estimate == "after":
-            record = self._state_belief(record, after.poses, weights.normalise(after.log_weights))
+            stated = self._belief(after.poses, weights.normalise(after.log_weights), "after")
+            record = dataclasses.replace(record, **stated)
         return (
             dataclasses.replace(
                 after,
                 correlations=temperature.observe(measurements, record.estimate.pose, state.correlations),
                 way=(0.0, 0.0) if record.resampled else policies.add_way(state.way, increment),
-                averages=None if record.injected else averages,
+                averages=None if record.injected and self.recovery.forgets else averages,
             ),
             record,
         )
@@ -82,6 +81,17 @@ class Localizer:
     def _propagate(self, state: FilterState, increment: NDArray[np.float64]) -> NDArray[np.float64]:
         draws = rng.stream(self.seed, rng.Purpose.MOTION, state.step)
         return self.motion.sample(state.poses, increment, draws.standard_normal(state.poses.shape))
+
+    def _temper(
+        self, state: FilterState, measurements: Sequence[Measurement], log_likelihoods: NDArray[np.float64]
+    ) -> tuple[float, ...]:
+        """α of every sensor, from what is known before this update."""
+        p = self.parameters
+        fits = fit.of_each(measurements, state.log_weights, log_likelihoods)
+        trusted = (p.fit_ignored, p.fit_trusted)
+        return temperature.resolve(
+            measurements, log_likelihoods, state.log_weights, state.correlations, p.ess_target, fits, trusted
+        )
 
     def _reweight(
         self, carried: NDArray[np.float64], tempered: NDArray[np.float64]
@@ -103,7 +113,7 @@ class Localizer:
         """Everything that the weights say; the step fills in the rest."""
         normalised = weights.normalise(log_weights)
         log_evidence = weights.log_sum_exp(state.log_weights + log_likelihoods.sum(axis=0))
-        record = StepRecord(
+        return StepRecord(
             step=state.step,
             stamp_ns=0,
             poses=poses,
@@ -117,26 +127,22 @@ class Localizer:
             resampled=False,
             degenerate=False,
             beams_used=sum(m.count for m in measurements),
-            estimate=estimate.weighted_mean(poses, normalised),
             segment=0,
-            converged=False,
-            reliability=_reliability(log_evidence, measurements),
+            **self._belief(poses, normalised, "before"),
+            reliability=fit.of_all(measurements, log_evidence),
             counts=tuple(m.count for m in measurements),
         )
-        return self._state_belief(record, poses, normalised)
 
-    def _state_belief(
-        self, record: StepRecord, poses: NDArray[np.float64], normalised: NDArray[np.float64]
-    ) -> StepRecord:
-        """The record with what these particles say."""
+    def _belief(self, poses: NDArray[np.float64], normalised: NDArray[np.float64], when: str) -> dict[str, Any]:
+        """What these particles say, in full only when it is to be stated; the record's fields by name."""
         p = self.parameters
-        belief = estimate.stated(poses, normalised, mean_of=p.estimate_mean, covariance_of=p.estimate_covariance)
-        return dataclasses.replace(
-            record,
-            estimate=belief,
-            hypotheses=estimate.hypotheses(poses, normalised, p.hypotheses),
-            converged=estimate.has_converged(poses, belief),
+        if p.estimate != when:
+            return {"estimate": estimate.weighted_mean(poses, normalised), "converged": False}
+        belief, hypotheses = estimate.stated(
+            poses, normalised, mean_of=p.estimate_mean, covariance_of=p.estimate_covariance, most=p.hypotheses
         )
+        converged = estimate.has_converged(poses, belief)
+        return {"estimate": belief, "hypotheses": hypotheses, "converged": converged}
 
     def _observe(self, averages: Averages | None, record: StepRecord) -> Averages | None:
         if not self.recovery.enabled:
@@ -185,12 +191,3 @@ class Localizer:
 def _carry(record: StepRecord) -> FilterState:
     normalised = record.log_weights - weights.log_sum_exp(record.log_weights)
     return FilterState(record.step + 1, record.poses, normalised)
-
-
-def _reliability(log_evidence: float, measurements: Sequence[Measurement]) -> float:
-    """Geometric mean over beams and sightings of the likelihood relative to a perfect fit."""
-    count = sum(m.count for m in measurements)
-    if count == 0 or not np.isfinite(log_evidence):
-        return 0.0
-    peak = sum(m.log_peak for m in measurements)
-    return float(np.exp(min(0.0, (log_evidence - peak) / count)))

@@ -28,6 +28,15 @@ class FilterParameters:
     ess_target: float = parameter(
         0.05, "share of the sample that temperature `ess` leaves at least; below resample_ess", above=0.0, high=1.0
     )
+    fit_trusted: float = parameter(
+        0.8,
+        "temperature `auto`: a reading that fits worse than this counts less; 0: all count alike",
+        low=0.0,
+        high=1.0,
+    )
+    fit_ignored: float = parameter(
+        0.5, "temperature `auto`: a reading that fits no better than this counts 1/20", low=0.0, high=1.0
+    )
     estimate: str = parameter(
         "before",
         "the estimate is of the weighted set before resampling, or of the set after",

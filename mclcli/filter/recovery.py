@@ -9,7 +9,9 @@ whose ratio says nothing (a belief that fits normally would draw most particles 
 
     v = exp((1/K) · log Σ W_{t−1} e^ℓ)
 
-with ℓ untempered and K the beams and sightings scored.
+with ℓ untempered and K the beams and sightings scored. And the averages go on after particles were drawn anew, where
+the book's begin from the next v: at a place where nothing fits that v is as bad, and the filter forgets that it is
+lost (docs/decisions/0016).
 """
 
 from __future__ import annotations
@@ -69,6 +71,11 @@ class RecoveryParameters:
                 f"parameter recovery_alpha_fast = {self.recovery_alpha_fast:g}: must be at least recovery_alpha_slow = "
                 f"{self.recovery_alpha_slow:g}; see `mcl params`"
             )
+
+    @property
+    def forgets(self) -> bool:
+        """Whether the averages begin anew after particles were drawn: the originals' rule."""
+        return self.recovery_rule != "per_beam"
 
     @property
     def enabled(self) -> bool:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli.filter import weights
+from mclcli.filter import fit, weights
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -100,11 +100,20 @@ def resolve(
     log_weights: NDArray[np.float64],
     correlations: Mapping[str, Correlation],
     ess_target: float,
+    fits: Sequence[float] | None = None,
+    trusted: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, ...]:
-    """α of every measurement. Those with ``ess`` share one, found for the sum of their log-likelihoods (S, N)."""
+    """α of every measurement. Those with ``ess`` share one, found for the sum of their log-likelihoods (S, N).
+
+    Those with ``auto`` count less where they fit badly: ``fits`` (S,) against ``trusted``, see ``fit.trust``.
+    """
     joint = [i for i, measurement in enumerate(measurements) if measurement.alpha == ESS]
     ess_alpha = largest_alpha(log_weights, log_likelihoods[joint].sum(axis=0), ess_target) if joint else 1.0
-    return tuple(_alpha(measurement, correlations, ess_alpha) for measurement in measurements)
+    alphas = [_alpha(measurement, correlations, ess_alpha) for measurement in measurements]
+    for i, how_well in enumerate(fits or ()):
+        if measurements[i].alpha == AUTO:
+            alphas[i] *= fit.trust(how_well, *trusted)
+    return tuple(alphas)
 
 
 def _alpha(measurement: Measurement, correlations: Mapping[str, Correlation], ess_alpha: float) -> float:

@@ -15,7 +15,10 @@ from mclcli.parameters import parameter, validate
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-_SLACK_M, _SLACK_RAD = 0.25, 0.5  # what two samples may differ by however close their stamps are
+_SLACK_M, _SLACK_RAD = (
+    1.0,
+    1.5,
+)  # what samples may differ by however close their stamps: those of real logs are not exact
 
 
 @final

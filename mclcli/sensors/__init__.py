@@ -5,7 +5,8 @@ A model is built once for a map; what it says of one observation is a ``Measurem
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -22,7 +23,8 @@ class Measurement:
     """One observation, ready to score poses of the base in map at the update's stamp.
 
     ``log_likelihood`` maps poses (N, 3) to log p(z | x) (N,), untempered; ``count`` beams or sightings are in it, each
-    at most ``log_peak``/``count`` high on average, so that ``log_peak`` is the log p of a perfect fit.
+    at most ``log_peak``/``count`` high on average, so that ``log_peak`` is the log p of a perfect fit; ``log_floor`` is
+    that of a reading that has nothing to do with the map.
     ``alpha`` in (0, 1], ``auto`` or ``ess``, is the temperature that its logarithm is multiplied with. ``each`` gives
     log p (count,) of every beam or sighting at one pose (3,), neighbours next to each other; None where that means
     nothing. ``unknown`` of the sightings name no landmark of the map.
@@ -32,6 +34,7 @@ class Measurement:
     log_likelihood: Callable[[NDArray[np.float64]], NDArray[np.float64]]
     count: int
     log_peak: float
+    log_floor: float = field(default=-math.inf, kw_only=True)
     alpha: float | str = 1.0
     each: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
     unknown: int = 0

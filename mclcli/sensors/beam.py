@@ -98,9 +98,11 @@ class BeamModel:
         may fit a little better where a reading is within some σ of 0 or r_max, or λ is large.
         """
         beams = _without_nan(beams)
-        peak = self._combine(self._likelihood(beams.ranges, self._perfect(beams), beams.r_max))
+        expected = (self._perfect(beams), np.zeros(beams.ranges.size))  # as read, or a wall at the sensor itself
+        peak, floor = (float(self._combine(self._likelihood(beams.ranges, r_star, beams.r_max))) for r_star in expected)
         score = functools.partial(self._score, beams)
-        return Measurement(sensor, score, beams.ranges.size, float(peak), alpha, functools.partial(self.each, beams))
+        each = functools.partial(self.each, beams)
+        return Measurement(sensor, score, beams.ranges.size, peak, alpha, each, log_floor=floor)
 
     def expected(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Expected ranges r* (N, B) [m], up to r_max; with ``no_return=censored`` as far beyond as it matters."""

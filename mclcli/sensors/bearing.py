@@ -94,9 +94,9 @@ class BearingModel:
     def measure(self, sensor: str, bearings: Bearings, alpha: float | str = 1.0) -> Measurement:
         """Measurement that scores poses against these bearings."""
         count = bearings.angles.size + bearings.unknown
-        best = float(self.log_p(np.zeros(1))[0]) * bearings.angles.size - math.log(se2.TAU) * bearings.unknown
-        score = functools.partial(self._score, bearings)
-        return Measurement(sensor, score, count, best, alpha, unknown=bearings.unknown)
+        peak, floor = self.log_p(np.array([0.0, math.pi])) * bearings.angles.size - math.log(se2.TAU) * bearings.unknown
+        score, unknown = functools.partial(self._score, bearings), bearings.unknown
+        return Measurement(sensor, score, count, float(peak), alpha, unknown=unknown, log_floor=float(floor))
 
     def log_p(self, error: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log-likelihood of bearing errors [rad] in (−π, π], any shape."""

@@ -125,6 +125,7 @@ def combine(instrument: Instrument, measurements: Sequence[Measurement]) -> Meas
 
     count = sum(m.count for m in measurements)
     peak = sum(m.log_peak for m in measurements)
+    floor = sum(m.log_floor for m in measurements)
     each = measurements[-1].each if measurements else None
     unknown = sum(m.unknown for m in measurements)
-    return Measurement(instrument.name, log_likelihood, count, peak, instrument.alpha, each, unknown)
+    return Measurement(instrument.name, log_likelihood, count, peak, instrument.alpha, each, unknown, log_floor=floor)

@@ -105,11 +105,13 @@ class LikelihoodField:
 
     def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
         """Measurement that scores poses against these beams."""
-        peak = float(self.table(beams.r_max)[0]) * beams.ranges.size
+        table = self.table(beams.r_max)
+        peak, floor = (float(term) * beams.ranges.size for term in (table[0], table.min()))
         if self._cubes:
-            peak = math.log1p(peak)
+            peak, floor = math.log1p(peak), math.log1p(floor)
         score = functools.partial(self._score, beams)
-        return Measurement(sensor, score, beams.ranges.size, peak, alpha, functools.partial(self.each, beams))
+        each = functools.partial(self.each, beams)
+        return Measurement(sensor, score, beams.ranges.size, peak, alpha, each, log_floor=floor)
 
     def likelihood(self, distance: NDArray[np.float64], r_max: float) -> NDArray[np.float64]:
         """p of readings that end at these distances [m] from an obstacle, any shape.

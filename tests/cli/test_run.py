@@ -146,7 +146,8 @@ def test_weights_sum_to_one_and_are_the_softmax(everything: Everything) -> None:
 
 def test_a_log_weight_is_the_carried_weight_plus_the_tempered_likelihood(everything: Everything) -> None:
     trace, steps = everything.table("trace.csv"), everything.table("steps.csv")
-    carried = (trace["log_weight"] - 0.5 * trace["log_lidar"]).reshape(-1, 300)
+    alpha = np.repeat(steps["alpha_lidar"], 300)
+    carried = (trace["log_weight"] - alpha * trace["log_lidar"]).reshape(-1, 300)
     weight = trace["weight"].reshape(-1, 300)
     before = np.full(300, 1 / 300)
     for step in range(len(steps.rows)):

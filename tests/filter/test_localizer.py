@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -205,10 +206,9 @@ def test_a_step_changes_nothing_it_was_given() -> None:
 
 def test_a_perfect_fit_is_reliable_and_a_bad_one_is_not() -> None:
     state = initial_state(np.zeros((4, 3)))
-    _, good = localizer().step(state, STILL, [saying([0.0] * 4)], 0)
-    _, bad = localizer().step(state, STILL, [saying([-8.0] * 4)], 0)
-    assert good.reliability == 1.0
-    assert bad.reliability == pytest.approx(math.exp(-2.0))  # four beams share e⁻⁸
+    said = {log_p: replace(saying([log_p] * 4), log_floor=-10.0) for log_p in (0.0, -8.0, -11.0)}
+    fits = {log_p: localizer().step(state, STILL, [each], 0)[1].reliability for log_p, each in said.items()}
+    assert fits == pytest.approx({0.0: 1.0, -8.0: 0.2, -11.0: 0.0})
 
 
 def test_without_any_measurement_only_the_motion_counts() -> None:
