@@ -8,9 +8,13 @@ def main() -> None:
     import sys
 
     try:
+        import warnings
+
         from mclcli.cli import main as start
     except KeyboardInterrupt:
         sys.exit(130)
+    if "--debug" not in sys.argv:
+        warnings.simplefilter("ignore")  # NumPy's are for programmers; what a user must know is said in mcl's own words
     start()
 
 

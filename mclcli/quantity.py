@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 
 from mclcli.errors import UsageError
 
@@ -11,6 +12,7 @@ _UNITS: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
 }
+_LARGEST = {"m": 1e9, "rad": 1e9}  # nothing is farther; and the squares of wild numbers overflow
 
 
 def parse_quantity(text: str, unit: str, what: str) -> float:
@@ -19,7 +21,8 @@ def parse_quantity(text: str, unit: str, what: str) -> float:
     Raises
     ------
     UsageError
-        ``WHAT: 'TEXT' is not …`` if it is no finite number, or carries a unit of another kind.
+        ``WHAT: 'TEXT' is not …`` if it is no finite number, carries a unit of another kind, or is a length or angle
+        beyond 1e9.
 
     """
     units = _UNITS.get(unit, {})
@@ -33,7 +36,10 @@ def parse_quantity(text: str, unit: str, what: str) -> float:
     if not math.isfinite(value):
         kind = f"a number in {unit}, or with a unit ({', '.join(units)})" if units else "a number"
         raise UsageError(f"{what}: '{text}' is not {kind}")
-    return math.radians(value) if suffix in {"deg", "°"} else value * units.get(suffix, 1.0)
+    value = math.radians(value) if suffix in {"deg", "°"} else value * units.get(suffix, 1.0)
+    if abs(value) > (limit := _LARGEST.get(unit, sys.float_info.max)):
+        raise UsageError(f"{what}: '{text}' is beyond {limit:g} {unit}")
+    return value
 
 
 def parse_list(text: str, units: tuple[str, ...], what: str) -> tuple[float, ...]:

@@ -45,7 +45,13 @@ def test_what_is_no_such_quantity_is_named(text: str, unit: str) -> None:
     assert f"'{text}'" in str(caught.value)
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False))
+@pytest.mark.parametrize(("text", "unit"), [("1e10", "m"), ("-2e6km", "m"), ("1e300", "rad"), ("1e308min", "s")])
+def test_what_is_beyond_all_bounds_is_refused(text: str, unit: str) -> None:
+    with pytest.raises(UsageError, match=f"'{text}' is beyond"):
+        parse_quantity(text, unit, "--init")
+
+
+@given(st.floats(-1e9, 1e9))
 def test_plain_numbers_come_back_to_the_bit(value: float) -> None:
     assert parse_quantity(repr(value), "m", "x") == value
 
