@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 # Linking machine code takes about 0.05 s and compiling it, once, some seconds; it saves about 14 ns a step over NumPy.
 _STEPS_WORTH_COMPILING = 2e7
+_IN_USE: set[str] = set()
 _FOREIGN = ("NRT_MemInfo_alloc", "NRT_Allocate", "numba_", "Py", "_Py")  # what object code cannot find without numba
 
 
@@ -33,11 +34,17 @@ def worth_compiling(steps: float) -> bool:
     return steps >= _STEPS_WORTH_COMPILING
 
 
+def in_use() -> bool:
+    """Whether some job has brought compiled code into this process, so that more of it costs little."""
+    return bool(_IN_USE)
+
+
 @functools.cache
 def load(name: str) -> SimpleNamespace:
     """Kernels of the module of this name, compiled now or by an earlier process."""
     from mclcli import machine_code
 
+    _IN_USE.add(name)
     path = kernel_folder() / f"{name}.kernels"
     functions = machine_code.read(path)
     if functions is None:

@@ -6,11 +6,14 @@ in frame b to frame a, so ``compose(map_from_base, base_from_laser)`` is ``map_f
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import ArrayLike, NDArray
 
 TAU = 2.0 * np.pi
@@ -19,15 +22,20 @@ TAU = 2.0 * np.pi
 def wrap(angle: ArrayLike) -> NDArray[np.float64]:
     """Angle [rad] wrapped to (−π, π]; angles already there come back unchanged to the bit."""
     angle = np.asarray(angle, dtype=np.float64)
+    there = (angle > -np.pi) & (angle <= np.pi)
+    if there.all():
+        return angle.copy()
     wrapped = -(np.remainder(np.pi - angle, TAU) - np.pi)
     wrapped = np.where(wrapped <= -np.pi, np.pi, wrapped)  # the remainder just below a full turn rounds up to it
-    return np.where((angle > -np.pi) & (angle <= np.pi), angle, wrapped)
+    return np.where(there, angle, wrapped)
 
 
 def compose(a_from_b: ArrayLike, b_from_c: ArrayLike) -> NDArray[np.float64]:
     """Chain two poses: ``a_from_c`` (..., 3), yaw wrapped; the arguments broadcast."""
     a = np.asarray(a_from_b, dtype=np.float64)
     b = np.asarray(b_from_c, dtype=np.float64)
+    if a.ndim == b.ndim == 1:
+        return np.array(_compose_one(a.tolist(), b.tolist()))
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = a[..., 0] + c * b[..., 0] - s * b[..., 1]
     y = a[..., 1] + s * b[..., 0] + c * b[..., 1]
@@ -37,6 +45,8 @@ def compose(a_from_b: ArrayLike, b_from_c: ArrayLike) -> NDArray[np.float64]:
 def inverse(a_from_b: ArrayLike) -> NDArray[np.float64]:
     """Invert a pose: ``b_from_a`` (..., 3)."""
     a = np.asarray(a_from_b, dtype=np.float64)
+    if a.ndim == 1:
+        return np.array(_inverse_one(a.tolist()))
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
     x = -c * a[..., 0] - s * a[..., 1]
     y = s * a[..., 0] - c * a[..., 1]
@@ -48,12 +58,57 @@ def between(w_from_a: ArrayLike, w_from_b: ArrayLike) -> NDArray[np.float64]:
     return compose(inverse(w_from_a), w_from_b)
 
 
+# One pose at a time, in plain numbers: an array's bookkeeping would cost twenty times as much as the arithmetic.
+
+
+def _wrap_one(angle: float) -> float:
+    if -math.pi < angle <= math.pi:
+        return angle
+    return float(wrap(angle))
+
+
+def _compose_one(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
+    c, s = _cos_sin_one(a[2])
+    return a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], _wrap_one(a[2] + b[2])
+
+
+def _inverse_one(a: Sequence[float]) -> tuple[float, float, float]:
+    c, s = _cos_sin_one(a[2])
+    return -c * a[0] - s * a[1], s * a[0] - c * a[1], _wrap_one(-a[2])
+
+
+def _cos_sin_one(angle: float) -> tuple[float, float]:
+    return (math.cos(angle), math.sin(angle)) if math.isfinite(angle) else (math.nan, math.nan)
+
+
+def _chord_one(half: float) -> float:
+    """sin(ω/2)/(ω/2): chord over arc."""
+    return math.sin(half) / half if half else 1.0
+
+
+def _exp_one(v: Sequence[float]) -> tuple[float, float, float]:
+    half = 0.5 * v[2]
+    chord = _chord_one(half)
+    c, s = chord * math.cos(half), chord * math.sin(half)
+    return c * v[0] - s * v[1], s * v[0] + c * v[1], _wrap_one(v[2])
+
+
+def _log_one(p: Sequence[float]) -> tuple[float, float, float]:
+    yaw = _wrap_one(p[2])
+    half = 0.5 * yaw
+    chord = _chord_one(half)
+    c, s = math.cos(half) / chord, math.sin(half) / chord
+    return c * p[0] + s * p[1], -s * p[0] + c * p[1], yaw
+
+
 def exp(twist: ArrayLike) -> NDArray[np.float64]:
     """Pose reached by a constant twist (vx, vy, ω) held for one unit of time, shape (..., 3).
 
     Source: Lynch and Park 2017, *Modern Robotics*, eq. 3.85 restricted to the plane.
     """
     v = np.asarray(twist, dtype=np.float64)
+    if v.ndim == 1:
+        return np.array(_exp_one(v.tolist()))
     half = 0.5 * v[..., 2]
     chord = np.sinc(half / np.pi)  # sin(ω/2)/(ω/2): chord over arc
     c, s = chord * np.cos(half), chord * np.sin(half)
@@ -63,6 +118,8 @@ def exp(twist: ArrayLike) -> NDArray[np.float64]:
 def log(pose: ArrayLike) -> NDArray[np.float64]:
     """Twist (vx, vy, ω) whose ``exp`` is the pose; |ω| ≤ π, shape (..., 3)."""
     p = np.asarray(pose, dtype=np.float64)
+    if p.ndim == 1:
+        return np.array(_log_one(p.tolist()))
     yaw = wrap(p[..., 2])
     half = 0.5 * yaw
     chord = np.sinc(half / np.pi)
@@ -72,5 +129,6 @@ def log(pose: ArrayLike) -> NDArray[np.float64]:
 
 def interpolate(w_from_a: ArrayLike, w_from_b: ArrayLike, fraction: ArrayLike) -> NDArray[np.float64]:
     """Pose at ``fraction`` of the way from a to b along the constant twist that joins them, shape (..., 3)."""
-    fraction = np.asarray(fraction, dtype=np.float64)[..., np.newaxis]
+    fraction = np.asarray(fraction, dtype=np.float64)
+    fraction = fraction[..., np.newaxis] if fraction.ndim else fraction
     return compose(w_from_a, exp(fraction * log(between(w_from_a, w_from_b))))

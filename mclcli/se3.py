@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Sequence
 
     from numpy.typing import ArrayLike, NDArray
 
 
-def from_quaternion(translation: ArrayLike, quaternion: ArrayLike) -> NDArray[np.float64]:
+def from_quaternion(translation: Iterable[float], quaternion: Iterable[float]) -> NDArray[np.float64]:
     """Transform (4, 4) from a translation (3,) [m] and a unit quaternion (x, y, z, w).
 
     Raises
@@ -21,20 +22,20 @@ def from_quaternion(translation: ArrayLike, quaternion: ArrayLike) -> NDArray[np
         If the translation is not finite or the quaternion's norm is more than 1e-2 away from 1.
 
     """
-    t = np.asarray(translation, dtype=np.float64)
-    q = np.asarray(quaternion, dtype=np.float64)
-    norm = float(np.sqrt(q @ q))
-    if not np.isfinite(t).all() or not abs(norm - 1.0) <= 1e-2:
-        raise ValueError(f"not a rigid transform: translation {t.tolist()}, quaternion norm {norm:g}")
-    x, y, z, w = q / norm
-    matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, 3] = t
-    return matrix
+    tx, ty, tz = (float(v) for v in translation)
+    x, y, z, w = (float(v) for v in quaternion)
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    if not (math.isfinite(tx) and math.isfinite(ty) and math.isfinite(tz) and abs(norm - 1.0) <= 1e-2):
+        raise ValueError(f"not a rigid transform: translation {[tx, ty, tz]}, quaternion norm {norm:g}")
+    x, y, z, w = x / norm, y / norm, z / norm, w / norm
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), tx],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w), ty],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y), tz],
+            [0.0, 0.0, 0.0, 1.0],
+        ]
+    )
 
 
 def from_rpy(translation: ArrayLike, roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
@@ -64,13 +65,14 @@ def to_rpy(transform: NDArray[np.float64]) -> tuple[float, float, float, float, 
 
 def from_planar(pose: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
     """Transform (4, 4) of a planar pose (x, y, yaw)."""
-    return from_rpy([pose[0], pose[1], 0.0], 0.0, 0.0, float(pose[2]))
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.array([[c, -s, 0.0, pose[0]], [s, c, 0.0, pose[1]], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
 def to_planar(transform: NDArray[np.float64]) -> NDArray[np.float64]:
     """Planar pose (x, y, yaw) of a transform: its position and heading projected on the ground, shape (3,)."""
-    yaw = np.arctan2(transform[1, 0], transform[0, 0])
-    return np.array([transform[0, 3], transform[1, 3], yaw])
+    (xx, _, _, x), (yx, _, _, y) = transform[:2].tolist()
+    return np.array([x, y, math.atan2(yx, xx)])
 
 
 def inverse(transform: NDArray[np.float64]) -> NDArray[np.float64]:

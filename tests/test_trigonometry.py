@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli.trigonometry import cos_sin
+from mclcli import compiled
+from mclcli.trigonometry import by_numpy, cos_sin
 
 
 @given(st.floats(-1e6, 1e6))
@@ -17,6 +18,14 @@ def test_they_are_within_two_units_in_the_last_place(angle: float) -> None:
     c, s = (values[0] for values in cos_sin(np.array([angle])))
     assert abs(c - math.cos(angle)) <= 2 * math.ulp(math.cos(angle))
     assert abs(s - math.sin(angle)) <= 2 * math.ulp(math.sin(angle))
+
+
+def test_compiled_code_gives_the_same_bits() -> None:
+    angles = np.concatenate([np.random.default_rng(1).uniform(-1e6, 1e6, 10_000), np.arange(-40, 41) * math.pi / 8])
+    compiled.load("trigonometry")
+    assert compiled.in_use()
+    for found, expected in zip(cos_sin(angles), by_numpy(angles), strict=True):
+        assert found.tobytes() == expected.tobytes()
 
 
 def test_for_a_yaw_they_are_within_one_unit() -> None:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _HALF_OF_26 = [offset for offset in itertools.product((-1, 0, 1), repeat=3) if offset > (0, 0, 0)]
+_OVER_THE_HALF_TURN = [(dx, dy, 1 - YAW_BINS) for dx, dy in itertools.product((-1, 0, 1), repeat=2)]
 
 
 @final
@@ -65,31 +66,21 @@ def _components(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64
     """Component (N,) of each particle's bin (N, 3), numbered in the order of their first particles."""
     keys, strides = pack(index)
     occupied, first, bin_of = np.unique(keys, return_index=True, return_inverse=True)
-    edges = [_edges(occupied, occupied + strides @ offset) for offset in _HALF_OF_26]
-    if wrap_yaw:
-        edges += _edges_over_the_half_turn(index[first], occupied, strides)
-    root = _roots(occupied.size, np.concatenate(edges, axis=1))[bin_of.reshape(-1)]
+    edges = _edges(occupied, np.arange(occupied.size), np.array(_HALF_OF_26) @ strides)
+    if wrap_yaw:  # from the last bin of yaw to the first
+        last = np.flatnonzero(index[first, 2] == YAW_BINS // 2 - 1)
+        edges = np.concatenate([edges, _edges(occupied, last, np.array(_OVER_THE_HALF_TURN) @ strides)], axis=1)
+    root = _roots(occupied.size, edges)[bin_of.reshape(-1)]
     _, first, component = np.unique(root, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[component.reshape(-1)]
 
 
-def _edges(occupied: NDArray[np.int64], wanted: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Pairs (2, E) of occupied bins: each, and the one with its wanted number (M,) if that is occupied."""
+def _edges(occupied: NDArray[np.int64], ones: NDArray[np.int64], steps: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Pairs (2, E) of occupied bins: one of ``ones`` (M,), and what is a step (S,) of bin numbers from it."""
+    wanted = occupied[ones] + steps[:, np.newaxis]
     at = np.minimum(np.searchsorted(occupied, wanted), occupied.size - 1)
-    found = np.flatnonzero(occupied[at] == wanted)
-    return np.stack([found, at[found]])
-
-
-def _edges_over_the_half_turn(
-    index: NDArray[np.int64], occupied: NDArray[np.int64], strides: NDArray[np.int64]
-) -> list[NDArray[np.int64]]:
-    """Pairs (2, E) of a bin with the last yaw, and one with the first."""
-    last = np.flatnonzero(index[:, 2] == YAW_BINS // 2 - 1)
-    edges = []
-    for dx, dy in itertools.product((-1, 0, 1), repeat=2):
-        one, other = _edges(occupied, occupied[last] + strides @ (dx, dy, 1 - YAW_BINS))
-        edges.append(np.stack([last[one], other]))
-    return edges
+    step, one = np.nonzero(occupied[at] == wanted)
+    return np.stack([ones[one], at[step, one]])
 
 
 def _roots(n: int, edges: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from mclcli import se2
 from mclcli.filter import clusters
 from mclcli.records import Estimate, Hypothesis
+from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -54,24 +56,25 @@ def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> E
 
     Source: Mardia and Jupp 2000, *Directional Statistics*, section 2.2 (mean direction).
     """
-    position = np.sum(weights[:, np.newaxis] * poses[:, :2], axis=0)
-    yaw = np.arctan2(np.sum(weights * np.sin(poses[:, 2])), np.sum(weights * np.cos(poses[:, 2])))
-    mean = np.array([position[0], position[1], yaw])
-    residual = poses - mean
-    residual[:, 2] = se2.wrap(residual[:, 2])
+    x, y, yaw = np.ascontiguousarray(poses.T)
+    c, s = cos_sin(yaw)
+    mean = np.array([np.sum(weights * x), np.sum(weights * y), math.atan2(np.sum(weights * s), np.sum(weights * c))])
+    residual = np.stack([x - mean[0], y - mean[1], se2.wrap(yaw - mean[2])])
     return Estimate(mean, _covariance(residual, weights))
 
 
 def _covariance(residual: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Σ W r rᵀ by fixed-order sums: BLAS may order them by the number of its threads."""
+    """Σ W r rᵀ of r (3, N) by fixed-order sums: BLAS may order them by the number of its threads."""
     covariance = np.empty((3, 3))
     for i in range(3):
+        weighted = weights * residual[i]
         for j in range(i + 1):
-            covariance[i, j] = covariance[j, i] = np.sum(weights * residual[:, i] * residual[:, j])
+            covariance[i, j] = covariance[j, i] = np.sum(weighted * residual[j])
     return covariance
 
 
 def has_converged(poses: NDArray[np.float64], estimate: Estimate) -> bool:
     """Whether 95 % of the particles are within 0.5 m of the estimate in x and in y."""
-    offset = np.abs(poses[:, :2] - estimate.pose[:2]).max(axis=1)
-    return bool(np.count_nonzero(offset <= _CONVERGED_RADIUS) >= _CONVERGED_SHARE * offset.size)
+    x, y, _ = estimate.pose.tolist()
+    near = (np.abs(poses[:, 0] - x) <= _CONVERGED_RADIUS) & (np.abs(poses[:, 1] - y) <= _CONVERGED_RADIUS)
+    return bool(np.count_nonzero(near) >= _CONVERGED_SHARE * near.size)

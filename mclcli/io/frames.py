@@ -115,11 +115,11 @@ class TransformTree:
         common = next((frame for frame in up_a if frame in up_b), None)
         if common is None:
             return None
-        common_from_a = self._chain(up_a[: up_a.index(common)], stamp_ns)
         common_from_b = self._chain(up_b[: up_b.index(common)], stamp_ns)
-        if common_from_a is None or common_from_b is None:
-            return None
-        return se3.inverse(common_from_a) @ common_from_b
+        if common == a or common_from_b is None:
+            return common_from_b
+        common_from_a = self._chain(up_a[: up_a.index(common)], stamp_ns)
+        return None if common_from_a is None else se3.inverse(common_from_a) @ common_from_b
 
     def moves_between(self, a: str, b: str) -> bool:
         """Whether an edge on the path between two frames was seen to change."""
@@ -139,10 +139,10 @@ class TransformTree:
 
     def _chain(self, frames: list[str], stamp_ns: int) -> NDArray[np.float64] | None:
         """Transform from the first frame up through the parents of all of them."""
-        result = np.eye(4)
+        result = None
         for frame in frames:
             matrix = self._edges[frame].at(stamp_ns)
             if matrix is None:
                 return None
-            result = matrix @ result
-        return result
+            result = matrix if result is None else matrix @ result
+        return np.eye(4) if result is None else result

@@ -141,9 +141,10 @@ class StepsCsv:
 
 
 def _hypothesis_text(record: StepRecord, number: int) -> str:
-    if number >= len(record.hypotheses):
+    found = record.hypotheses
+    if number >= len(found):
         return ",,,"
-    hypothesis = record.hypotheses[number]
+    hypothesis = found[number]
     require_finite("hypothesis", hypothesis.estimate.pose)
     x, y, yaw = hypothesis.estimate.pose.tolist()
     return f"{hypothesis.weight:.9g},{x:.9f},{y:.9f},{yaw:.9f}"

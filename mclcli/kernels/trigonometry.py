@@ -8,6 +8,8 @@ import numba as nb
 
 from mclcli.kernels import OPTIONS
 
+_ANGLES = nb.types.Array(nb.float64, 1, "C", readonly=True)
+
 
 @nb.njit(**OPTIONS)
 def _cos_sin(angles, cos, sin):  # type: ignore[no-untyped-def]
@@ -31,3 +33,9 @@ def _cos_sin(angles, cos, sin):  # type: ignore[no-untyped-def]
         one, other = (s if odd else c), (c if odd else s)
         cos[i] = -one if (quarter == 1.0) | (quarter == 2.0) else one
         sin[i] = -other if quarter >= 2.0 else other
+
+
+@nb.njit([nb.void(_ANGLES, nb.float64[::1], nb.float64[::1])], **OPTIONS)
+def cos_sin(angles, cos, sin):  # type: ignore[no-untyped-def]
+    """Fill ``cos`` and ``sin`` (N,) with the cosine and sine of ``angles`` (N,) [rad]."""
+    _cos_sin(angles, cos, sin)

@@ -15,6 +15,7 @@ import numpy as np
 from mclcli import se2
 from mclcli.motion import noise
 from mclcli.parameters import parameter, validate
+from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,9 +58,12 @@ class DifferentialMotion:
         rot1, trans, rot2 = decompose(increment)
         noisy = np.array([rot1, trans, rot2]) + normals * self.noise_std(rot1, trans, rot2)
         heading = poses[:, 2] + noisy[:, 0]
-        x = poses[:, 0] + noisy[:, 1] * np.cos(heading)
-        y = poses[:, 1] + noisy[:, 1] * np.sin(heading)
-        return np.stack([x, y, se2.wrap(heading + noisy[:, 2])], axis=-1)
+        c, s = cos_sin(heading)
+        moved = np.empty_like(poses)
+        moved[:, 0] = poses[:, 0] + noisy[:, 1] * c
+        moved[:, 1] = poses[:, 1] + noisy[:, 1] * s
+        moved[:, 2] = se2.wrap(heading + noisy[:, 2])
+        return moved
 
     def noise_std(self, rot1: float, trans: float, rot2: float) -> NDArray[np.float64]:
         """Standard deviations (3,) of first turn [rad], move [m] and second turn [rad]."""
