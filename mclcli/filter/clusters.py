@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
-from mclcli.filter.kld import YAW_BINS, bins, pack
+from mclcli import compiled, se2
+from mclcli.filter.kld import YAW_BINS, bins, number_compiled, pack
 from mclcli.records import Estimate
+from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,13 +58,13 @@ def find(poses: NDArray[np.float64], weights: NDArray[np.float64], *, wrap_yaw: 
     labels, total = _heaviest_first(component, weights)
     share = _share(labels, weights, total)
     means, resultants = _means(poses, labels, share)
-    residual = poses - means[labels]
-    residual[:, 2] = se2.wrap(residual[:, 2])
-    return Clusters(labels, total, means, _covariances(residual, labels, share), resultants)
+    return Clusters(labels, total, means, _covariances(poses, means, labels, share), resultants)
 
 
 def _components(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64]:
     """Component (N,) of each particle's bin (N, 3), numbered in the order of their first particles."""
+    if compiled.in_use():
+        return _components_compiled(index, wrap_yaw=wrap_yaw)
     keys, strides = pack(index)
     occupied, first, bin_of = np.unique(keys, return_index=True, return_inverse=True)
     edges = _edges(occupied, np.arange(occupied.size), np.array(_HALF_OF_26) @ strides)
@@ -73,6 +74,15 @@ def _components(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64
     root = _roots(occupied.size, edges)[bin_of.reshape(-1)]
     _, first, component = np.unique(root, return_index=True, return_inverse=True)
     return np.argsort(np.argsort(first))[component.reshape(-1)]
+
+
+def _components_compiled(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64]:
+    """The same: bins are numbered as they first appear, so the least number in a component is its first particle's."""
+    number, first, table = number_compiled(index)
+    root = np.empty(first.size, np.int64)
+    compiled.load("particles").join_neighbours(index, first, table, YAW_BINS if wrap_yaw else 0, root)
+    is_root = root == np.arange(root.size)
+    return (np.cumsum(is_root) - 1)[root][number]
 
 
 def _edges(occupied: NDArray[np.int64], ones: NDArray[np.int64], steps: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -116,18 +126,30 @@ def _means(
     poses: NDArray[np.float64], labels: NDArray[np.int64], share: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Means (C, 3) and mean resultant lengths (C,)."""
-    x, y, yaw = poses.T
-    c, s = np.bincount(labels, share * np.cos(yaw)), np.bincount(labels, share * np.sin(yaw))
-    means = np.stack([np.bincount(labels, share * x), np.bincount(labels, share * y), np.arctan2(s, c)], axis=-1)
-    return means, np.minimum(np.hypot(c, s), 1.0)
+    sums = np.zeros((int(labels.max()) + 1, 4))
+    if compiled.in_use():
+        compiled.load("particles").mean_sums_by_label(
+            np.ascontiguousarray(poses), labels, share, sums, np.empty((3, 512))
+        )
+    else:
+        for i, values in enumerate((poses[:, 0], poses[:, 1], *cos_sin(poses[:, 2]))):
+            sums[:, i] = np.bincount(labels, share * values)
+    x, y, c, s = sums.T
+    return np.stack([x, y, np.arctan2(s, c)], axis=-1), np.minimum(np.hypot(c, s), 1.0)
 
 
 def _covariances(
-    residual: NDArray[np.float64], labels: NDArray[np.int64], share: NDArray[np.float64]
+    poses: NDArray[np.float64], means: NDArray[np.float64], labels: NDArray[np.int64], share: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    covariances = np.empty((int(labels.max()) + 1, 3, 3))
-    for i in range(3):
-        for j in range(i + 1):
-            moments = np.bincount(labels, share * residual[:, i] * residual[:, j])
-            covariances[:, i, j] = covariances[:, j, i] = moments
-    return covariances
+    covariances = np.zeros((means.shape[0], 3, 3))
+    if compiled.in_use():
+        compiled.load("particles").covariance_sums_by_label(
+            np.ascontiguousarray(poses), labels, share, means, covariances
+        )
+    else:
+        residual = poses - means[labels]
+        residual[:, 2] = se2.wrap(residual[:, 2])
+        for i in range(3):
+            for j in range(i + 1):
+                covariances[:, i, j] = np.bincount(labels, share * residual[:, i] * residual[:, j])
+    return covariances + np.tril(covariances, -1).transpose(0, 2, 1)

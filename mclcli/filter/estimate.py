@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import se2
+from mclcli import compiled, se2
 from mclcli.filter import clusters
 from mclcli.records import Estimate, Hypothesis
 from mclcli.trigonometry import cos_sin
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 _CONVERGED_RADIUS = 0.5  # [m], as nav2_amcl's dist_threshold
 _CONVERGED_SHARE = 0.95  # nav2_amcl asks for all, which some drawn anew would always spoil
 _THINNED = 2000
+_WORTH_COMPILING = 20_000  # particles: a function of their number alone, since sums differ in the last bits
 
 
 def stated(
@@ -56,11 +57,23 @@ def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> E
 
     Source: Mardia and Jupp 2000, *Directional Statistics*, section 2.2 (mean direction).
     """
+    if poses.shape[0] >= _WORTH_COMPILING:
+        return _weighted_mean_compiled(poses, weights)
     x, y, yaw = np.ascontiguousarray(poses.T)
     c, s = cos_sin(yaw)
     mean = np.array([np.sum(weights * x), np.sum(weights * y), math.atan2(np.sum(weights * s), np.sum(weights * c))])
     residual = np.stack([x - mean[0], y - mean[1], se2.wrap(yaw - mean[2])])
     return Estimate(mean, _covariance(residual, weights))
+
+
+def _weighted_mean_compiled(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> Estimate:
+    """The same, summed in the particles' order."""
+    kernels, poses = compiled.load("particles"), np.ascontiguousarray(poses)
+    sums, covariance = np.zeros(4), np.zeros((3, 3))
+    kernels.mean_sums(poses, weights, sums, np.empty((3, 512)))
+    mean = np.array([sums[0], sums[1], math.atan2(sums[3], sums[2])])
+    kernels.covariance_sums(poses, weights, mean, covariance)
+    return Estimate(mean, covariance + np.tril(covariance, -1).T)
 
 
 def _covariance(residual: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:

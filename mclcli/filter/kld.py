@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli import compiled, se2
 from mclcli.errors import UsageError
 from mclcli.parameters import parameter, validate
 
@@ -121,8 +121,18 @@ def bins(poses: NDArray[np.float64], *, wrap_yaw: bool = True) -> NDArray[np.int
 def _first_of_its_bin(index: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether each row (N, 3) is the first with its bin."""
     fresh = np.zeros(index.shape[0], dtype=np.bool_)
-    fresh[np.unique(pack(index)[0], return_index=True)[1]] = True
+    fresh[number_compiled(index)[1] if compiled.in_use() else np.unique(pack(index)[0], return_index=True)[1]] = True
     return fresh
+
+
+def number_compiled(
+    index: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Number (N,) of each bin (N, 3) in the order they first appear, where each of the C does, and the hash table."""
+    number, first, count = np.empty(index.shape[0], np.int64), np.empty(index.shape[0], np.int64), np.zeros(1, np.int64)
+    table = np.full(1 << (2 * index.shape[0]).bit_length(), -1)
+    compiled.load("particles").number_bins(index, number, first, count, table)
+    return number, first[: count[0]], table
 
 
 def pack(index: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

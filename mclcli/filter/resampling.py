@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from mclcli import compiled
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -58,7 +60,12 @@ def residual(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> 
 def _ancestors(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> NDArray[np.int64]:
     cumulative = np.cumsum(weights)
     cumulative /= cumulative[-1]  # the last entry is exactly 1, so that no pointer < 1 falls off the end
-    return np.searchsorted(cumulative, np.minimum(pointers, _BELOW_ONE), side="right")
+    pointers = np.minimum(pointers, _BELOW_ONE)
+    if not compiled.in_use():
+        return np.searchsorted(cumulative, pointers, side="right")
+    chosen = np.empty(pointers.size, np.int64)
+    compiled.load("particles").ancestors(cumulative, pointers, chosen)
+    return chosen
 
 
 RESAMPLERS: dict[str, Resampler] = {

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-
 import numba as nb
+import numpy as np
 
 from mclcli.kernels import OPTIONS
 
@@ -15,7 +14,7 @@ _ANGLES = nb.types.Array(nb.float64, 1, "C", readonly=True)
 def _cos_sin(angles, cos, sin):  # type: ignore[no-untyped-def]
     """Cosine and sine of ``angles`` (N,) [rad] into ``cos`` and ``sin``; equal to the bit to the NumPy version."""
     for i in range(angles.size):
-        turns = math.floor(angles[i] * 0.6366197723675814 + 0.5)
+        turns = np.floor(angles[i] * 0.6366197723675814 + 0.5)
         r = ((angles[i] - turns * 1.57079632673412561417) - turns * 6.07710050630396597660e-11) - (
             turns * 2.02226624879595063154e-21
         )
@@ -28,7 +27,7 @@ def _cos_sin(angles, cos, sin):  # type: ignore[no-untyped-def]
         half = 0.5 * z
         w = 1.0 - half
         c = w + (((1.0 - w) - half) + z * z * c)
-        quarter = turns - 4.0 * math.floor(turns * 0.25)
+        quarter = turns - 4.0 * np.floor(turns * 0.25)
         odd = (quarter == 1.0) | (quarter == 3.0)
         one, other = (s if odd else c), (c if odd else s)
         cos[i] = -one if (quarter == 1.0) | (quarter == 2.0) else one

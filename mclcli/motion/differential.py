@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli import compiled, se2
 from mclcli.motion import noise
 from mclcli.parameters import parameter, validate
 from mclcli.trigonometry import cos_sin
@@ -56,6 +56,8 @@ class DifferentialMotion:
     ) -> NDArray[np.float64]:
         """Move poses (N, 3) by the odometry's increment (3,), in the base frame, plus noise from normals (N, 3)."""
         rot1, trans, rot2 = decompose(increment)
+        if compiled.in_use():
+            return _sample_compiled(poses, np.array([rot1, trans, rot2]), self.noise_std(rot1, trans, rot2), normals)
         noisy = np.array([rot1, trans, rot2]) + normals * self.noise_std(rot1, trans, rot2)
         heading = poses[:, 2] + noisy[:, 0]
         c, s = cos_sin(heading)
@@ -80,6 +82,15 @@ class DifferentialMotion:
             p.alpha1 * turn2 + p.alpha2 * move,
         ]
         return np.sqrt(variances)
+
+
+def _sample_compiled(
+    poses: NDArray[np.float64], motion: NDArray[np.float64], std: NDArray[np.float64], normals: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The same as in ``sample``, to the bit."""
+    moved, scratch = np.empty_like(poses), np.empty((3, 512))
+    compiled.load("particles").turn_move_turn(poses, normals, motion, std, moved, scratch)
+    return moved
 
 
 def folded(turn: float) -> float:

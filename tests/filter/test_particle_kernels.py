@@ -1,0 +1,76 @@
+"""Compiled loops over particles against the NumPy beside them: the same bits, or the same sums up to rounding."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from mclcli import compiled
+from mclcli.filter import clusters, estimate, kld, resampling
+from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
+from tests.reference.filter import mean_and_covariance
+
+GENERATOR = np.random.default_rng(7)
+CLOUDS = {
+    "tight": np.column_stack([GENERATOR.normal(5, 0.1, (3000, 2)), GENERATOR.normal(math.pi, 0.2, 3000)]),
+    "all over": np.column_stack([GENERATOR.uniform(-8, 8, (3000, 2)), GENERATOR.uniform(-9, 9, 3000)]),
+    "one": np.array([[1.0, -2.0, math.pi]]),
+}
+WEIGHTS = {name: GENERATOR.dirichlet(np.full(len(poses), 0.3)) for name, poses in CLOUDS.items()}
+
+
+def by_both(monkeypatch: pytest.MonkeyPatch, task: object) -> list[object]:
+    """What a task returns without and with compiled code."""
+    assert callable(task)
+    results = []
+    for used in (False, True):
+        monkeypatch.setattr(compiled, "in_use", lambda used=used: used)
+        results.append(task())
+    return results
+
+
+@pytest.mark.parametrize("scheme", sorted(resampling.RESAMPLERS))
+@pytest.mark.parametrize("name", sorted(CLOUDS))
+def test_ancestors_are_the_same(monkeypatch: pytest.MonkeyPatch, scheme: str, name: str) -> None:
+    resampler = resampling.RESAMPLERS[scheme]
+    for n in (1, 100, 5000):
+        one, other = by_both(monkeypatch, lambda n=n: resampler(WEIGHTS[name], n, np.random.default_rng(3)))
+        np.testing.assert_array_equal(one, other)
+
+
+@pytest.mark.parametrize("increment", [(0.0, 0.0, 0.0), (0.3, 0.01, 0.2), (-0.3, 0.2, 3.1)])
+def test_motion_has_the_same_bits(monkeypatch: pytest.MonkeyPatch, increment: tuple[float, ...]) -> None:
+    model, poses = DifferentialMotion(DifferentialParameters()), CLOUDS["all over"]
+    normals = np.random.default_rng(1).standard_normal(poses.shape)
+    one, other = by_both(monkeypatch, lambda: model.sample(poses, np.array(increment), normals).tobytes())
+    assert one == other
+
+
+@pytest.mark.parametrize("wrap_yaw", [False, True])
+@pytest.mark.parametrize("name", sorted(CLOUDS))
+def test_clusters_have_the_same_bits(monkeypatch: pytest.MonkeyPatch, name: str, *, wrap_yaw: bool) -> None:
+    one, other = by_both(monkeypatch, lambda: clusters.find(CLOUDS[name], WEIGHTS[name], wrap_yaw=wrap_yaw))
+    assert isinstance(one, clusters.Clusters)
+    assert isinstance(other, clusters.Clusters)
+    for field in ("labels", "weights", "means", "covariances", "resultants"):
+        assert getattr(one, field).tobytes() == getattr(other, field).tobytes(), field
+
+
+@pytest.mark.parametrize("name", sorted(CLOUDS))
+def test_kld_asks_for_the_same_number(monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    wanted = kld.KldParameters(min_particles=1, max_particles=len(CLOUDS[name]))
+    one, other = by_both(monkeypatch, lambda: kld.kld_size(CLOUDS[name], wanted, np.random.default_rng(2)))
+    assert one == other
+
+
+def test_the_mean_of_many_is_that_of_the_equation(monkeypatch: pytest.MonkeyPatch) -> None:
+    poses, weights = CLOUDS["tight"], WEIGHTS["tight"]
+    mean, covariance = mean_and_covariance(poses.tolist(), weights.tolist())
+    for least in (0, 10**9):
+        monkeypatch.setattr(estimate, "_WORTH_COMPILING", least)
+        found = estimate.weighted_mean(poses, weights)
+        np.testing.assert_allclose(found.pose, mean, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(found.covariance, covariance, rtol=0, atol=1e-14)
+        assert (found.covariance == found.covariance.T).all()
