@@ -13,9 +13,13 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 
+Row = tuple[str, str, str, str]
+"""What, measured, its target, and against what."""
+
+
 @dataclass(frozen=True)
 class Pair:
-    """Median seconds of A and of B, and the median of their ratio A/B, round by round."""
+    """Least seconds of A and of B, and the median of their ratio A/B, round by round."""
 
     a: float
     b: float
@@ -26,8 +30,8 @@ def alternate(a: Callable[[], float], b: Callable[[], float], rounds: int) -> Pa
     """Run A and B in turn; each returns its own seconds. The first round warms up and does not count."""
     times = [(a(), b()) for _ in range(rounds + 1)][1:]
     return Pair(
-        statistics.median(x for x, _ in times),
-        statistics.median(y for _, y in times),
+        min(x for x, _ in times),
+        min(y for _, y in times),
         statistics.median(x / y for x, y in times),
     )
 
@@ -56,7 +60,9 @@ def peak_memory(code: str) -> float:
     return float(shown.stdout.split()[-1]) / 2**10
 
 
-def table(rows: Sequence[tuple[str, str, str]]) -> str:
-    """Markdown table of what, measured, compared with."""
-    lines = ["| what | measured | against, in the same run |", "|---|---|---|"]
-    return "\n".join([*lines, *(f"| {a} | {b} | {c} |" for a, b, c in rows)])
+def table(
+    rows: Sequence[tuple[str, ...]], head: tuple[str, ...] = ("what", "measured", "against, in the same run")
+) -> str:
+    """Markdown table."""
+    lines = [head, ("---",) * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

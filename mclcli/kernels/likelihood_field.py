@@ -19,11 +19,13 @@ _BLOCK = 256  # particles whose sums stay in the first-level cache while all bea
 _FAR = 1e9  # cells; beyond, whole numbers of 32 bits would not do
 
 
-def _signature(code: nb.types.Type) -> object:
-    frame, table = (nb.float64,) * 7, nb.types.Array(nb.float64, 1, "C", readonly=True)
+_TABLE = nb.types.Array(nb.float64, 1, "C", readonly=True)
+
+
+def _signature(code: nb.types.Type, *between: nb.types.Type) -> object:
+    frame, scratch = (nb.float64,) * 7, (nb.float64[:, ::1], nb.int32[:, ::1])
     codes, poses = nb.types.Array(code, 1, "C", readonly=True), nb.types.Array(nb.float64, 2, "C", readonly=True)
-    scratch = (nb.float64[:, ::1], nb.int32[:, ::1])
-    return nb.void(codes, nb.int64, nb.int64, table, *frame, poses, table, nb.float64[::1], *scratch)
+    return nb.void(codes, nb.int64, nb.int64, between[0], *frame, poses, _TABLE, between[1], *scratch)
 
 
 @nb.njit(**OPTIONS)
@@ -90,7 +92,7 @@ def _longest(end_x, end_y):  # type: ignore[no-untyped-def]
     return math.sqrt(square)
 
 
-@nb.njit([_signature(nb.uint16), _signature(nb.uint32)], **OPTIONS)
+@nb.njit([_signature(code, _TABLE, nb.float64[::1]) for code in (nb.uint16, nb.uint32)], **OPTIONS)
 def sum_log_p(  # type: ignore[no-untyped-def]
     codes, height, width, log_p, origin_x, origin_y, cos, sin, yaw, resolution, shift, poses, ends, out, block, cells
 ):
@@ -123,3 +125,64 @@ def sum_log_p(  # type: ignore[no-untyped-def]
                 for i in range(size):
                     total[i] += log_p[codes[first[i]]] if first[i] >= 0 else off_map
                 b += 1
+
+
+@nb.njit([_signature(code, nb.int64, code[:, ::1]) for code in (nb.uint16, nb.uint32)], **OPTIONS)
+def look_up(  # type: ignore[no-untyped-def]
+    codes, height, width, off_map, origin_x, origin_y, cos, sin, yaw, resolution, shift, poses, ends, out, block, cells
+):
+    """Fill ``out`` (B, N) with the code of the cell where each beam ends, ``off_map`` off the map; as ``sum_log_p``."""
+    wide = np.int32(width)
+    end_x, end_y = ends[: ends.size // 2], ends[ends.size // 2 :]
+    for start in range(0, poses.shape[0], _BLOCK):
+        size = min(_BLOCK, poses.shape[0] - start)
+        _place(poses[start : start + size], origin_x, origin_y, cos, sin, yaw, resolution, shift, block)
+        clearance = _clearance(block[0, :size], block[1, :size], block[2], block[3], width, height)
+        b = 0
+        while b < end_x.size:
+            four_x, four_y = end_x[b : b + 4], end_y[b : b + 4]
+            if four_x.size == 4 and _longest(four_x, four_y) < clearance:
+                _cells_on_map(block, size, four_x, four_y, wide, cells)
+                for k in range(4):
+                    found, row = cells[k], out[b + k, start : start + size]
+                    for i in range(size):
+                        row[i] = codes[nb.uint32(found[i])]
+                b += 4
+            else:
+                found, row = cells[0], out[b, start : start + size]
+                _cells(block, size, end_x[b], end_y[b], wide, height, found)
+                for i in range(size):
+                    row[i] = codes[found[i]] if found[i] >= 0 else off_map
+                b += 1
+
+
+@nb.njit([nb.void(code[:, ::1], _TABLE, nb.float64[::1]) for code in (nb.uint16, nb.uint32)], **OPTIONS)
+def sum_looked_up(found, log_p, out):  # type: ignore[no-untyped-def]
+    """Add to ``out`` (N,) the sum over beams of ``log_p[found[beam, particle]]``, beams in their order."""
+    count, n = found.shape
+    for start in range(0, n, _BLOCK):
+        total = out[start : start + _BLOCK]
+        b = 0
+        while b + 4 <= count:
+            first, second = found[b, start : start + _BLOCK], found[b + 1, start : start + _BLOCK]
+            third, fourth = found[b + 2, start : start + _BLOCK], found[b + 3, start : start + _BLOCK]
+            for i in range(total.size):
+                value = total[i] + log_p[first[i]]
+                value += log_p[second[i]]
+                value += log_p[third[i]]
+                total[i] = value + log_p[fourth[i]]
+            b += 4
+        for rest in range(b, count):
+            one = found[rest, start : start + _BLOCK]
+            for i in range(total.size):
+                total[i] += log_p[one[i]]
+
+
+@nb.njit([nb.void(code[:, ::1], nb.int64, nb.int64[::1]) for code in (nb.uint16, nb.uint32)], **OPTIONS)
+def count_below(found, limit, counts):  # type: ignore[no-untyped-def]
+    """Add to ``counts`` (B,) how many codes of each row of ``found`` (B, N) are below a limit."""
+    for b in range(found.shape[0]):
+        row, below = found[b], np.int32(0)
+        for i in range(row.size):
+            below += np.int32(row[i] < limit)
+        counts[b] += below

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.endpoints import Anchoring
-    from mclcli.world.distance_field import DistanceField
+    from mclcli.world.distance_field import Codes, DistanceField
 
 _CONVERGED_RADIUS = 0.5  # [m] nav2_amcl's dist_threshold
 
@@ -41,11 +41,15 @@ def kept_beams(
     beams: Beams,
     poses: NDArray[np.float64],
     anchoring: Anchoring = endpoints.CORNER,
+    found: Codes | None = None,
 ) -> NDArray[np.bool_] | None:
-    """Which beams (B,) count for these poses (N, 3); None if no pose can have a likelihood other than 0."""
+    """Which beams (B,) count for these poses (N, 3); None if no pose can have a likelihood other than 0.
+
+    ``found`` (B, N) are the codes of the cells where the beams end, if somebody has looked them up already.
+    """
     if not (rule.always or has_converged(poses)):
         return np.ones(beams.ranges.size, dtype=np.bool_)
-    shares = _agreeing(rule, field, beams, poses, anchoring) / poses.shape[0]
+    shares = _agreeing(rule, field, beams, poses, anchoring, found) / poses.shape[0]
     kept = np.asarray(shares > rule.threshold, np.bool_)
     slots = max(beams.slots, kept.size)
     if slots - int(kept.sum()) >= slots * rule.error_threshold:
@@ -54,18 +58,28 @@ def kept_beams(
 
 
 def _agreeing(
-    rule: BeamSkipping, field: DistanceField, beams: Beams, poses: NDArray[np.float64], anchoring: Anchoring
+    rule: BeamSkipping,
+    field: DistanceField,
+    beams: Beams,
+    poses: NDArray[np.float64],
+    anchoring: Anchoring,
+    found: Codes | None,
 ) -> NDArray[np.int64]:
     """How many poses find an obstacle near each beam's end (B,)."""
+    near = int(np.count_nonzero(field.levels < rule.distance))  # levels ascend, and codes with them
+    if found is not None:
+        return endpoints.count_below(found, near)
     count = np.zeros(beams.ranges.size, np.int64)
-    size = max(1, endpoints.PAIRS // max(1, count.size))
-    for start in range(0, poses.shape[0], size):
-        distances = endpoints.distances(field, beams.endpoints, poses[start : start + size], anchoring=anchoring)
-        count += np.count_nonzero(distances < rule.distance, axis=0)
+    for start in range(0, poses.shape[0], endpoints.BLOCK):
+        looked_up = endpoints.look_up(
+            field, beams.endpoints, poses[start : start + endpoints.BLOCK], anchoring=anchoring
+        )
+        count += endpoints.count_below(looked_up, near)
     return count
 
 
 def has_converged(poses: NDArray[np.float64]) -> bool:
     """nav2_amcl's test: every particle within 0.5 m of the unweighted mean, in x and in y."""
-    xy = poses[:, :2]
-    return bool(np.abs(xy - xy.mean(axis=0)).max() <= _CONVERGED_RADIUS)
+    x, y = np.ascontiguousarray(poses[:, :2].T)
+    farthest = max(np.abs(x - x.mean()).max(), np.abs(y - y.mean()).max())
+    return bool(farthest <= _CONVERGED_RADIUS)

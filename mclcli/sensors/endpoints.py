@@ -12,11 +12,11 @@ from mclcli import compiled
 from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
-    from mclcli.world.distance_field import DistanceField
+    from mclcli.world.distance_field import Codes, DistanceField
 
 BLOCK = 4096  # poses whose temporaries stay in the second-level cache
 PAIRS = 32768  # pose·beam pairs, likewise
@@ -91,15 +91,22 @@ def add_table(
     out: NDArray[np.float64],
 ) -> None:
     """Add to ``out`` (N,) the table's value of the cell where each beam ends, ``ends`` (2, B) [cells], beam by beam."""
+    for _, inside, cell in _cells(field, anchoring, poses, ends):
+        out += np.where(inside, table[field.codes.ravel()[cell]], table[-1])
+
+
+def _cells(
+    field: DistanceField, anchoring: Anchoring, poses: NDArray[np.float64], ends: NDArray[np.float64]
+) -> Iterator[tuple[int, NDArray[np.bool_], NDArray[np.intp]]]:
+    """Beam by beam: its number, which of its endpoints (N,) are on the map, and their cells."""
     height, width = field.codes.shape
     x, y, yaw = anchoring.to_cells(field, poses)
     cos, sin = cos_sin(yaw)
-    for end_x, end_y in ends.T:
+    for beam, (end_x, end_y) in enumerate(ends.T):
         column = np.floor(x + (cos * end_x - sin * end_y))
         row = np.floor(y + (sin * end_x + cos * end_y))
         inside = (column >= 0) & (column < width) & (row >= 0) & (row < height)
-        cell = np.where(inside, row * width + column, 0).astype(np.intp)
-        out += np.where(inside, table[field.codes.ravel()[cell]], table[-1])
+        yield beam, inside, np.where(inside, row * width + column, 0).astype(np.intp)
 
 
 def _add_compiled(
@@ -114,6 +121,50 @@ def _add_compiled(
     scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
     kernel, poses = compiled.load("likelihood_field").sum_log_p, np.ascontiguousarray(poses)
     kernel(field.codes.ravel(), *field.codes.shape, table, *anchoring.frame(field), poses, ends.ravel(), out, *scratch)
+
+
+def look_up(
+    field: DistanceField,
+    endpoints: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    *,
+    anchoring: Anchoring = CORNER,
+    job_size: float = 0.0,
+) -> Codes:
+    """Code (B, N) of the cell where each beam ends, the number of levels off the map; arguments as of ``sum_table``."""
+    ends, off_map = np.ascontiguousarray((endpoints / field.resolution).T), field.levels.size
+    found = np.empty((ends.shape[1], poses.shape[0]), field.codes.dtype)
+    if _is_compiled(field, max(job_size, found.size)):
+        scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
+        kernel, poses = compiled.load("likelihood_field").look_up, np.ascontiguousarray(poses)
+        frame = anchoring.frame(field)
+        kernel(field.codes.ravel(), *field.codes.shape, off_map, *frame, poses, ends.ravel(), found, *scratch)
+        return found
+    for start in range(0, poses.shape[0], BLOCK):
+        block = slice(start, start + BLOCK)
+        for beam, inside, cell in _cells(field, anchoring, poses[block], ends):
+            found[beam, block] = np.where(inside, field.codes.ravel()[cell], off_map)
+    return found
+
+
+def count_below(found: Codes, limit: int) -> NDArray[np.int64]:
+    """How many codes of each row (B,) of ``found`` (B, N) are below a limit."""
+    counts = np.zeros(found.shape[0], np.int64)
+    if compiled.in_use():
+        compiled.load("likelihood_field").count_below(found, limit, counts)
+        return counts
+    return np.asarray(np.count_nonzero(found < limit, axis=1), np.int64)
+
+
+def sum_looked_up(found: Codes, table: NDArray[np.float64], job_size: float = 0.0) -> NDArray[np.float64]:
+    """Σ_b table[found[b]] (N,): with ``look_up``, the same as ``sum_table``, to the bit."""
+    out = np.zeros(found.shape[1])
+    if compiled.worth_compiling(max(job_size, found.size)):
+        compiled.load("likelihood_field").sum_looked_up(found, table, out)
+        return out
+    for row in found:
+        out += table[row]
+    return out
 
 
 def for_each(task: Callable[[int], None], starts: range, threads: int) -> None:

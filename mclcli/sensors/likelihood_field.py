@@ -26,9 +26,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.sensors.beams import Beams
-    from mclcli.world.distance_field import DistanceField
+    from mclcli.world.distance_field import Codes, DistanceField
 
 FLOOR = 1e-12
+_MOST_LOOKED_UP = 2**25  # codes of poses·beams
 
 
 @final
@@ -180,9 +181,11 @@ class LikelihoodField:
 
     def _score(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log-likelihood (N,) of poses (N, 3) of the base in map."""
-        beams, possible = self._without_skipped(beams, poses)
-        if not possible:
-            return np.full(poses.shape[0], -np.inf)
+        if self.parameters.do_beamskip:
+            return self._score_skipping(beams, poses)
+        return self._score_all(beams, poses)
+
+    def _score_all(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         if self.parameters.field_lookup == "bilinear":
             total = self._sum_bilinear(beams, poses)
         else:
@@ -209,14 +212,26 @@ class LikelihoodField:
         endpoints.for_each(sum_block, range(0, poses.shape[0], size), self.threads)
         return out
 
-    def _without_skipped(self, beams: Beams, poses: NDArray[np.float64]) -> tuple[Beams, bool]:
-        """Beams that count, and whether any pose can have a likelihood other than 0 (see ``beam_skipping``)."""
+    def _score_skipping(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log-likelihood (N,) by the beams that count (see ``beam_skipping``); −inf if no pose is possible.
+
+        Codes that were looked up to choose the beams serve again for the sum, where they are not too many to keep.
+        """
         p = self.parameters
-        if not p.do_beamskip:
-            return beams, True
         rule = BeamSkipping(p.beam_skip_distance, p.beam_skip_threshold, p.beam_skip_error_threshold)
-        kept = kept_beams(rule, self.field, beams, poses, self._anchoring)
-        return (beams, False) if kept is None else (beams.subset(kept), True)
+        keeps = p.field_lookup == "nearest" and poses.shape[0] * beams.ranges.size <= _MOST_LOOKED_UP
+        found = self._look_up(beams, poses) if keeps else None
+        kept = kept_beams(rule, self.field, beams, poses, self._anchoring, found)
+        if kept is None:
+            return np.full(poses.shape[0], -np.inf)
+        if found is None:
+            return self._score_all(beams.subset(kept), poses)
+        found = found if kept.all() else found[kept]
+        total = endpoints.sum_looked_up(found, self.table(beams.r_max), self.job_size)
+        return np.log1p(total) if self._cubes else total
+
+    def _look_up(self, beams: Beams, poses: NDArray[np.float64]) -> Codes:
+        return endpoints.look_up(self.field, beams.endpoints, poses, anchoring=self._anchoring, job_size=self.job_size)
 
 
 def _single(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,49 @@
+"""Codes looked up first and summed afterwards give what one pass gives, by both paths."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mclcli.sensors import endpoints
+from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
+from mclcli.world import distance_field
+from tests.sensors.test_likelihood_field import ORIGIN, POSES, RESOLUTION, ROOM
+from tests.support import grid_of, use_compiled
+
+FIELD = distance_field.compute(grid_of(ROOM, RESOLUTION, ORIGIN), "exact", 1.0)
+ENDS = np.random.default_rng(2).uniform(-5.0, 5.0, (19, 2))
+TABLE = np.random.default_rng(3).normal(size=FIELD.levels.size + 1)
+
+
+@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
+@pytest.mark.parametrize("wide", [False, True])
+def test_two_steps_have_the_bits_of_one(monkeypatch: pytest.MonkeyPatch, *, always: bool, wide: bool) -> None:
+    use_compiled(monkeypatch, always=always)
+    codes = FIELD.codes.astype(np.uint32) if wide else FIELD.codes.copy()
+    codes.flags.writeable = False
+    field = distance_field.DistanceField(codes, FIELD.levels, RESOLUTION, FIELD.origin)
+    found = endpoints.look_up(field, ENDS, POSES)
+    assert found.shape == (19, len(POSES))
+    assert found.max() == field.levels.size
+    at_once = endpoints.sum_table(field, TABLE, ENDS, POSES)
+    assert endpoints.sum_looked_up(found, TABLE).tobytes() == at_once.tobytes()
+
+
+@pytest.mark.parametrize("most", [0, 10**9])
+def test_how_beams_are_skipped_does_not_depend_on_what_is_kept_in_memory(
+    monkeypatch: pytest.MonkeyPatch, most: int
+) -> None:
+    from mclcli.sensors import likelihood_field
+    from mclcli.sensors.beams import Beams
+
+    monkeypatch.setattr(likelihood_field, "_MOST_LOOKED_UP", most)
+    poses = np.array([0.5, 0.3, 0.2]) + np.random.default_rng(4).normal(0, 0.05, (200, 3))
+    beams = Beams(np.zeros((19, 2)), ENDS, np.ones(19), 8.0, slots=19)
+    parameters = LikelihoodFieldParameters(do_beamskip=True, beam_skip_distance=0.3)
+    found = LikelihoodField(FIELD, parameters).measure("lidar", beams).log_likelihood(poses)
+    distances = endpoints.distances(FIELD, ENDS, poses)
+    kept = (distances < 0.3).mean(axis=0) > parameters.beam_skip_threshold
+    assert 0 < kept.sum() < 19
+    plain = LikelihoodField(FIELD, LikelihoodFieldParameters()).measure("lidar", beams.subset(kept))
+    assert found.tobytes() == plain.log_likelihood(poses).tobytes()
