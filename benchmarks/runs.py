@@ -14,8 +14,6 @@ from benchmarks import drive
 from benchmarks.measure import alternate, peak_memory, process
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from benchmarks.measure import Row
 
 MCL = str(Path(sys.executable).parent / "mcl")
@@ -76,25 +74,15 @@ def scans() -> list[Row]:
             ("… with the weight trace as MCAP", "≤ 2 ms", ("-o", f"{folder}/trace.mcap")),
             ("… with the weight trace as CSV", "", ("-o", f"{folder}/trace.csv")),
         ):
-            least = {n: min(_seconds(_run(log, output)) for _ in range(4)) for n, log in logs.items()}
+            least = {
+                n: min(process(MCL, "run", "-q", str(log), *WORDS, *output)() for _ in range(4))
+                for n, log in logs.items()
+            }
             each = (least[2500] - least[500]) / 2000
             kept = Path(output[1]).stat().st_size / (2500 * 2000)
             against = f"{kept:.0f} bytes a particle on disk" if output[0] == "-o" else "user and system time"
             rows.append((what, f"{each * 1e3:.2f} ms", target, against))
     return rows
-
-
-def _run(log: Path, output: tuple[str, ...]) -> Callable[[], object]:
-    words = (MCL, "run", "-q", str(log), *WORDS, *output)
-    return lambda: subprocess.run(words, check=True, stdout=subprocess.DEVNULL)
-
-
-def _seconds(task: Callable[[], object]) -> float:
-    """Processor time of a task's child processes: what others do on the machine weighs less than on a clock."""
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    task()
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
 
 
 def stream(gigabytes: float) -> Row:

@@ -112,6 +112,10 @@ def bins(poses: NDArray[np.float64], *, wrap_yaw: bool = True) -> NDArray[np.int
     nav2_amcl, so that one heading has many bins.
     """
     index = np.empty(poses.shape, dtype=np.int64)
+    if compiled.in_use():
+        turn = YAW_BINS if wrap_yaw else 0
+        compiled.load("particles").bins(np.ascontiguousarray(poses), BIN_XY, float(BIN_YAW), turn, index)
+        return index
     index[:, :2] = np.floor(poses[:, :2] / BIN_XY)
     yaw = np.floor((se2.wrap(poses[:, 2]) if wrap_yaw else poses[:, 2]) / BIN_YAW).astype(np.int64)
     index[:, 2] = np.where(yaw == YAW_BINS // 2, -YAW_BINS // 2, yaw) if wrap_yaw else yaw  # π is −π

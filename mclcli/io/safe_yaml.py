@@ -24,6 +24,15 @@ Path_ = tuple[str | int, ...]
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,18})")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
 _DIRECTIVE = re.compile("^%", re.MULTILINE)  # changes what the rest means, or trips the parser
+_ITEM = r"[-+]?\.?[0-9A-Za-z.]{1,40}(?:[eE][-+]?[0-9]{1,5})?"
+_LONG_LIST = re.compile(
+    rf"^(?P<key>[A-Za-z_]\w*):(?:"
+    rf"[ ]*\n(?P<block>(?P<indent>[ ]*)-[ ]+{_ITEM}[ ]*\n(?:(?P=indent)-[ ]+{_ITEM}[ ]*\n){{15,}})(?=[A-Za-z_]|---|\Z)"
+    rf"|[ ]+\[(?P<flow>[ ]*{_ITEM}(?:[ ]*,[ ]*(?:\n[ ]+)?{_ITEM}){{15,}}[ ]*)\][ ]*\n(?=[A-Za-z_]|---|\Z))",
+    re.MULTILINE,
+)
+"""A key at the top level with at least 16 plain scalars, one a line or between brackets."""
+_MARK = "__long_list_"
 _WORDS: dict[str, Value] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
     **dict.fromkeys(("true", "True", "TRUE"), True),
@@ -101,8 +110,14 @@ def parse(data: bytes, name: str, limits: Limits = MAP_LIMITS, *, several: bool 
     if directive := _DIRECTIVE.search(text):
         line = text.count("\n", 0, directive.start()) + 1
         raise InputError(f"{name}: a directive (%), line {line}; write it without")
-    builder = _Builder(_events(text, name), name, limits, {}, set())
+    short, lists = _without_long_lists(text)
+    builder = _Builder(_events(short, name), name, limits, {}, set())
     value = builder.document()
+    if lists and isinstance(value, dict):
+        value = {key: lists.pop(item, item) if isinstance(item, str) else item for key, item in value.items()}
+    if lists:  # a mark within something else: read it as it stands
+        builder = _Builder(_events(text, name), name, limits, {}, set())
+        value = builder.document()
     try:
         more = builder.goes_on()
     except InputError:
@@ -112,6 +127,24 @@ def parse(data: bytes, name: str, limits: Limits = MAP_LIMITS, *, several: bool 
     if more and not several:
         raise InputError(f"{name}: holds more than one document (---); keep one")
     return Document(value, name, builder.lines, more, frozenset(builder.repeated))
+
+
+def _without_long_lists(text: str) -> tuple[str, dict[str, Value]]:
+    """The text with a mark in the place of every long list of plain scalars at its top level, and the lists by mark.
+
+    A scan is hundreds of numbers, and the parser takes half a millisecond for each. Lines keep their numbers.
+    """
+    lists: dict[str, Value] = {}
+    if _MARK in text:
+        return text, lists
+
+    def taken(match: re.Match[str]) -> str:
+        mark = f"{_MARK}{len(lists)}"
+        items = re.split(r"\s*,\s*", match["flow"].strip()) if match["flow"] else re.findall(_ITEM, match["block"])
+        lists[mark] = [resolve(item) for item in items]
+        return f"{match['key']}: {mark}" + "\n" * match[0].count("\n")
+
+    return _LONG_LIST.sub(taken, text), lists
 
 
 def resolve(text: str) -> Value:

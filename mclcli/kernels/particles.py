@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 
 import numba as nb
+import numpy as np
 
 from mclcli.kernels import OPTIONS
 from mclcli.kernels.trigonometry import _cos_sin
@@ -96,6 +97,19 @@ def covariance_sums(poses, weights, mean, sums):  # type: ignore[no-untyped-def]
         tt += wt * t
     sums[0, 0], sums[1, 0], sums[1, 1] = sums[0, 0] + xx, sums[1, 0] + yx, sums[1, 1] + yy
     sums[2, 0], sums[2, 1], sums[2, 2] = sums[2, 0] + tx, sums[2, 1] + ty, sums[2, 2] + tt
+
+
+@nb.njit([nb.void(_POSES, nb.float64, nb.float64, nb.int64, nb.int64[:, ::1])], **OPTIONS)
+def bins(poses, side, turn, yaw_bins, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` (N, 3) with the bins of poses; with ``yaw_bins`` > 0 those of wrapped yaw, π taken for −π."""
+    for n in range(poses.shape[0]):
+        out[n, 0] = np.int64(np.floor(poses[n, 0] / side))
+        out[n, 1] = np.int64(np.floor(poses[n, 1] / side))
+        if yaw_bins > 0:
+            yaw = np.int64(np.floor(_wrap(poses[n, 2]) / turn))
+            out[n, 2] = -(yaw_bins // 2) if 2 * yaw == yaw_bins else yaw
+        else:
+            out[n, 2] = np.int64(np.floor(poses[n, 2] / turn))
 
 
 @nb.njit(**OPTIONS)

@@ -1,10 +1,16 @@
-"""Squared distances along rows, as the lower envelope of one parabola a column: linear in the row's length."""
+"""Squared distances along rows: in narrow integers where the clamp is near, by a lower envelope of parabolas where not.
+
+The first is bounded by loads, two for every cell and step; the second by branches.
+"""
 
 from __future__ import annotations
 
 import numba as nb
+import numpy as np
 
 from mclcli.kernels import OPTIONS
+
+_BLOCK = 512  # cells of a row whose squares and results stay in the first-level cache
 
 
 def _signature(columns: nb.types.Type, out: nb.types.Type) -> object:
@@ -54,3 +60,49 @@ def lower_envelopes(along_columns, limit, out, scratch):  # type: ignore[no-unty
                 k += 1
             g, away = nb.int64(along_columns[row, apex[k]]), column - apex[k]
             out[row, column] = min(g * g + away * away, limit)
+
+
+@nb.njit(**OPTIONS)
+def _four_steps(line, middle, size, k, best):  # type: ignore[no-untyped-def]
+    """Take four more steps to both sides; returns the next one, far away if none can help."""
+    l0, r0 = line[middle - k : middle - k + size], line[middle + k : middle + k + size]
+    l1, r1 = line[middle - k - 1 : middle - k - 1 + size], line[middle + k + 1 : middle + k + 1 + size]
+    l2, r2 = line[middle - k - 2 : middle - k - 2 + size], line[middle + k + 2 : middle + k + 2 + size]
+    l3, r3 = line[middle - k - 3 : middle - k - 3 + size], line[middle + k + 3 : middle + k + 3 + size]
+    q0, q1 = np.uint16(k * k), np.uint16((k + 1) * (k + 1))
+    q2, q3 = np.uint16((k + 2) * (k + 2)), np.uint16((k + 3) * (k + 3))
+    most = np.uint16(0)
+    for i in range(size):
+        one = min(np.uint16(min(l0[i], r0[i]) + q0), np.uint16(min(l1[i], r1[i]) + q1))
+        two = min(np.uint16(min(l2[i], r2[i]) + q2), np.uint16(min(l3[i], r3[i]) + q3))
+        value = min(best[i], min(one, two))
+        best[i] = value
+        most = max(most, value)
+    return k + 4 if most > q3 else nb.int64(1 << 40)
+
+
+@nb.njit([nb.void(nb.uint8[:, ::1], nb.int64, nb.uint16[:, ::1], nb.uint16[::1])], **OPTIONS)
+def near(along_columns, limit, out, line):  # type: ignore[no-untyped-def]
+    """As ``lower_envelopes`` for ``limit`` < 2¹⁵, step by step away from each column until nothing can get less.
+
+    ``line`` (W + 2·reach + 6,): scratch, with reach the least whole number whose square is at least ``limit``.
+    """
+    height, width = out.shape
+    reach = (line.size - width - 6) // 2
+    line[:] = limit
+    for row in range(height):
+        inner = line[reach + 3 : reach + 3 + width]
+        for column in range(width):
+            g = np.int32(along_columns[row, column])
+            inner[column] = min(g * g, np.int32(limit))
+        for start in range(0, width, _BLOCK):
+            best, size = out[row, start : start + _BLOCK], min(_BLOCK, width - start)
+            middle = reach + 3 + start
+            least = np.int32(limit)
+            for i in range(size + 2 * reach):
+                least = min(least, np.int32(line[start + 3 + i]))
+            for i in range(size):
+                best[i] = line[middle + i]
+            k = 1 if least < limit else reach + 1
+            while k <= reach:
+                k = _four_steps(line, middle, size, k, best)

@@ -2,8 +2,8 @@
 
 Distances along the columns first, then d²(row, column) = min over k of g²(row, column + k) + k², with g those along the
 columns. Both go no further than the clamp, so the second is a few dozen passes of narrow integers over rows that stay
-in the cache, and it ends early where obstacles are near: no compiler is needed. Where the clamp is far, a lower
-envelope of parabolas (compiled) takes the place of the second.
+in the cache, and it ends early where obstacles are near: NumPy takes less than twice the time of compiled code. Where
+the clamp is far, a lower envelope of parabolas (compiled) takes the place of the second.
 Source: Saito and Toriwaki 1994; Meijster, Roerdink and Hesselink 2000.
 """
 
@@ -37,6 +37,9 @@ def squared_distances(occupied: NDArray[np.bool_], limit: int) -> NDArray[np.uin
         scratch = np.empty((2, occupied.shape[1]), np.int64)
         columns = along_columns.astype(np.uint16 if reach < 2**16 else np.uint32)
         compiled.load("squared_distance").lower_envelopes(columns, limit, out, scratch)
+    elif limit < 2**15 and (compiled.in_use() or compiled.worth_compiling(1.25 * occupied.size)):
+        line = np.empty(occupied.shape[1] + 2 * reach + 6, np.uint16)
+        compiled.load("squared_distance").near(along_columns, limit, out, line)
     else:
         for start in range(0, occupied.shape[0], _ROWS):
             _along_rows(along_columns[start : start + _ROWS], limit, out[start : start + _ROWS])

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 import random
+import re
 from typing import TYPE_CHECKING
 
 import pytest
@@ -165,3 +166,38 @@ def test_where_keys_may_stand_twice_the_last_counts_and_is_named() -> None:
     assert document.value == {"a": {"x": 3}, "b": {"z": 2}}
     assert document.repeated == {("a",), ("b", "z")}
     assert document.line("a", "x") == 3
+
+
+@given(
+    items=st.lists(
+        st.sampled_from(["1.0", "-2", ".inf", ".nan", "1e-05", "007", "true", "abc", "null", "-"]),
+        min_size=14,
+        max_size=20,
+    ),
+    before=st.sampled_from(["", "a: 1\n", 'a: "b\n', "a: |\n  b\n", "a:\n  b: 2\n"]),
+    shape=st.sampled_from(["lines", "indented", "flow", "flow on two lines"]),
+    after=st.sampled_from(
+        ["", "c: 3\n", "- d\n", "  - d\n", "---\ne: 4\n", "ranges: 5\n", ' f"\n', "# g\n", "\nc: 3\n"]
+    ),
+)
+def test_long_lists_are_read_as_short_ones_are(
+    monkeypatch: pytest.MonkeyPatch, items: list[str], before: str, shape: str, after: str
+) -> None:
+    lists = {
+        "lines": "\n" + "".join(f"- {item}\n" for item in items),
+        "indented": "\n" + "".join(f"  - {item}\n" for item in items),
+        "flow": f" [{', '.join(items)}]\n",
+        "flow on two lines": f" [{', '.join(items[:9])},\n  {', '.join(items[9:])}]\n",
+    }
+    text = f"{before}ranges:{lists[shape]}{after}"
+
+    def result() -> tuple[str, object]:
+        try:
+            document = safe_yaml.parse(text.encode(), "scan.yaml", several=True)
+        except InputError as error:
+            return str(error), None
+        return repr((document.value, document.more)), document.lines
+
+    at_once = result()
+    monkeypatch.setattr(safe_yaml, "_LONG_LIST", re.compile("(?!)"))
+    assert at_once == result()

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from mclcli import compiled
 from mclcli.world import squared_distance
 from mclcli.world.squared_distance import squared_distances
 from tests.support import use_compiled
@@ -33,10 +34,13 @@ def naive(occupied: NDArray[np.bool_], limit: int) -> list[list[int]]:
     ]
 
 
-@pytest.fixture(params=["numpy", "compiled"])
+@pytest.fixture(params=["numpy", "compiled", "compiled, near"])
 def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    use_compiled(monkeypatch, always=request.param == "compiled")
-    monkeypatch.setattr(squared_distance, "_PASSES_IN_NUMPY", 0)
+    compiled.load("squared_distance")  # Hypothesis watches what runs within a test, and the compiler is a lot of that
+    always = request.param != "numpy"
+    use_compiled(monkeypatch, always=always)
+    monkeypatch.setattr(compiled, "in_use", lambda: always)
+    monkeypatch.setattr(squared_distance, "_PASSES_IN_NUMPY", 0 if request.param == "compiled" else 10**9)
 
 
 @pytest.mark.usefixtures("_path")
@@ -49,10 +53,12 @@ def test_every_cell_has_the_least_of_all_squared_distances(occupied: NDArray[np.
 
 def test_both_paths_agree_on_a_large_map(monkeypatch: pytest.MonkeyPatch) -> None:
     occupied = np.random.default_rng(3).random((301, 517)) < 5e-5
-    monkeypatch.setattr(squared_distance, "_PASSES_IN_NUMPY", 0)
     found = []
-    for always in (False, True):
+    for always, passes in ((False, 0), (True, 0), (True, 10**9)):
         use_compiled(monkeypatch, always=always)
+        monkeypatch.setattr(compiled, "in_use", lambda always=always: always)
+        monkeypatch.setattr(squared_distance, "_PASSES_IN_NUMPY", passes)
         found.append(squared_distances(occupied, 150**2))
     assert (found[0] == found[1]).all()
+    assert (found[0] == found[2]).all()
     assert found[0].max() > 100**2
