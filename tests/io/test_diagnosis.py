@@ -101,6 +101,11 @@ def test_a_log_with_checksums_in_part(tmp_path: Path) -> None:
     assert found["checks"][0] == {"source": "x.mcap", "kind": "MCAP", "closed": True, "checksums": "in part"}
 
 
+def test_a_log_of_which_nothing_came_tells_nothing_of_checksums(tmp_path: Path) -> None:
+    found = facts(tmp_path, "x.mcap", base_logs()[0].data[:200])
+    assert found["checks"][0] == {"source": "x.mcap", "kind": "MCAP", "closed": False, "checksums": "unknown"}
+
+
 def test_frames_that_do_not_connect(tmp_path: Path) -> None:
     loose = Drive("", "/tf_static", lambda message, _: setattr(message.transforms[0].header, "frame_id", "elsewhere"))
     (tmp_path / "x.mcap").write_bytes(mcap_log("cdr", drives.edited(loose)))

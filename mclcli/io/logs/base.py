@@ -103,7 +103,7 @@ class Damage:
 class FileFacts:
     """What one file is: ``kind`` of container, whether it was ``closed``, and whether it has ``checksums``.
 
-    ``checksums`` is ``yes`` where every message is covered by one, ``no``, or ``in part``.
+    ``checksums`` is ``yes`` where every message is covered by one, ``no``, ``in part``, or ``unknown`` where none came.
     """
 
     source: str

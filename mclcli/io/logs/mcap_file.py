@@ -88,6 +88,8 @@ class _Scan:
         """Whether the messages are covered by checksums."""
         if self.data_checked or (self.checked and not self.unchecked and not self.loose):
             return "yes"
+        if not (self.checked or self.unchecked or self.loose):
+            return "unknown"
         return "in part" if self.checked else "no"
 
     def plausible(self, kind: int, length: int) -> bool:
