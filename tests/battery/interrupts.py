@@ -55,7 +55,7 @@ def check(command: str, number: signal.Signals, moment: float, folder: Path) -> 
     problems = writing.left_behind(folder, whole, parts=True)
     if started.returncode not in {0, CODES[number], -number}:  # by the signal itself, before or after mcl is there
         problems.append((CRASH, f"ended with {started.returncode}: {said.decode()[-400:]}"))
-    if b"Traceback" in said and b"mclcli" in said:  # not where Python itself was only starting
+    if b"Traceback" in said and b"mclcli/cli" in said:  # not where Python was only starting
         problems.append((CRASH, said.decode()[-400:]))
     kept = list(folder.glob("*.mcap*.part"))
     for path in kept:
