@@ -62,12 +62,14 @@ def draw(found: dict[str, dict[str, list[float]]], path: Path) -> None:
 
     mpl.use("Agg")
     from matplotlib import pyplot as plt
+    from matplotlib.ticker import NullFormatter
 
     figure, axes = plt.subplots(1, 3, figsize=(12, 4), sharey=True, layout="constrained")
     for ax, (varied, lines) in zip(axes, found.items(), strict=True):
         for name, values in lines.items():
             ax.loglog(NUMBERS[varied], values, marker="o", markersize=3, label=name)
         ax.set_xlabel(varied)
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.grid(visible=True, which="major", alpha=0.3)
         ax.legend(frameon=False)
     axes[0].set_ylabel("ms")
