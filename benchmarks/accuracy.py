@@ -1,4 +1,4 @@
-"""Errors on real logs over several seeds: ``python -m benchmarks.accuracy [--profiles P…] [--set K=V…] [LOG…]``.
+"""Errors on real logs over several seeds: ``python -m benchmarks.accuracy [CASE…] [--profiles P…] [--set K=V…]``.
 
 Prints the tables of docs/accuracy.md. The logs are not part of this repository; those that are missing are left out.
 """
@@ -17,6 +17,7 @@ import mclcli as mcl
 from mclcli.evaluate.metrics import absolute_pose_errors
 from mclcli.io.landmarks_file import read_landmarks
 from mclcli.io.tum import read_tum
+from mclcli.profiles import PROFILES
 from mclcli.records import LandmarkSightings, Odometry, StampedPose
 from mclcli.trajectory import Trajectory
 
@@ -167,7 +168,7 @@ def main() -> None:
     options.add_argument("logs", nargs="*", help="names of cases; all")
     options.add_argument("--data", type=Path, default=Path("../shared/data"), help="folder of the real logs")
     options.add_argument("--seeds", type=int, default=10, help="seeds 0 to N−1")
-    options.add_argument("--profiles", nargs="+", default=["textbook", "nav2", "beluga"])
+    options.add_argument("--profiles", nargs="+", default=list(PROFILES), choices=list(PROFILES))
     options.add_argument("--model", default="", help="instead of the case's own")
     options.add_argument("--set", dest="changes", nargs="*", default=[], metavar="KEY=VALUE")
     options.add_argument("--temperature", default="")
