@@ -15,6 +15,7 @@ from mclcli.motion import MotionParameters
 from mclcli.motion.odometry import OdometryParameters
 from mclcli.parameters import Description, check_value, described, parameter, validate
 from mclcli.quantity import parse_quantity
+from mclcli.search.parameters import SearchParameters
 from mclcli.sensors.beam import BeamParameters
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingParameters
@@ -60,6 +61,7 @@ class Settings:
     likelihood_field: LikelihoodFieldParameters
     beam: BeamParameters
     bearing: BearingParameters
+    search: SearchParameters
     frames: FrameParameters
 
     def values(self) -> dict[str, Value]:
@@ -82,6 +84,7 @@ GROUPS: dict[str, type[Any]] = {
     "likelihood_field": LikelihoodFieldParameters,
     "beam": BeamParameters,
     "bearing": BearingParameters,
+    "search": SearchParameters,
     "frames": FrameParameters,
 }
 # Where the parameters of a group come from, if they do not say so themselves. Numbers are of Thrun, Burgard, Fox 2005,
@@ -95,6 +98,7 @@ SOURCES: dict[str, str] = {
     "beams": "nav2_amcl, Beluga",
     "likelihood_field": "table 6.3; nav2_amcl",
     "beam": "section 6.3.1",
+    "search": "mclcli.search; Hess et al. 2016, section V",
     "bearing": "sections 6.3.1, 6.6.2",
     "frames": "REP 105; nav2_amcl",
 }

@@ -17,6 +17,7 @@ COMMANDS = {
     "info": "What a log holds, which topic plays which part, and how to run it.",
     "dt": "Compute (or find in the cache) the distance field of a map.",
     "score": "Score poses of a robot against one scan.",
+    "locate": "Find where a scan was taken, anywhere on the map.",
     "run": "Run Monte Carlo Localization over a log.",
     "eval": "Errors of tracks against a reference, with limits for CI.",
     "extract": "Print one message of a log, a laser scan ready for `mcl score -`.",

@@ -42,7 +42,7 @@ def find_scan(arguments: dict[str, Any], chosen: Chosen) -> MountedScan:
     source, mounts = arguments["scan"], arguments["mounts"]
     if source != "-" and not Path(source).exists():
         raise UsageError(f"{source}: no such file; name a LaserScan as YAML or JSON, a log, or - for stdin")
-    if source != "-" and _is_log(Path(source)):
+    if source != "-" and is_log(Path(source)):
         recording, parts = open_for_scan(Path(source), arguments["scan_topic"], chosen)
         scan = scan_of_log(recording, parts, arguments["at"], arguments["index"])
         return MountedScan(scan, mount_in_log(recording, parts, scan, mounts), parts.base_frame)
@@ -52,7 +52,9 @@ def find_scan(arguments: dict[str, Any], chosen: Chosen) -> MountedScan:
     return _scan_of_text(source, mounts)
 
 
-def open_for_scan(path: Path, topic: str | None, chosen: Chosen | None = None) -> tuple[Recording, Roles]:
+def open_for_scan(
+    path: Path, topic: str | None, chosen: Chosen | None = None, odometry: str | None = None
+) -> tuple[Recording, Roles]:
     """A log, and which of its topics holds the scans: the one named, else the one that ``mcl run`` would use."""
     from mclcli.cli.wishes import names_in
     from mclcli.io import roles
@@ -65,6 +67,7 @@ def open_for_scan(path: Path, topic: str | None, chosen: Chosen | None = None) -
     scan = topic or names.get("scan_topic", "")
     wished = roles.Wishes(
         scan=(scan,) if scan else (),
+        odometry=odometry or names.get("odom_topic", ""),
         base_frame=names.get("base_frame_id", ""),
         odom_frame=names.get("odom_frame_id", ""),
     )
@@ -155,7 +158,7 @@ def mount_in_log(
     return mount
 
 
-def _is_log(path: Path) -> bool:
+def is_log(path: Path) -> bool:
     """Whether a path is a folder or begins like a log; anything else is read as text."""
     from mclcli.io.logs import sniff
 

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _MAGIC = b"mcl distance field\n"
 _FORMAT = 2
-_HEADER = 512  # bytes of magic line and JSON line, filled up with blanks
+HEADER = 512  # bytes of magic line and JSON line, filled up with blanks
 _PIECE = 1 << 19  # bytes that are read and hashed at a time
 
 
@@ -82,15 +82,15 @@ def _load(path: Path, grid: OccupancyGrid, kind: str, max_dist: float) -> Distan
 def _read(file: FileIO, grid: OccupancyGrid, kind: str, max_dist: float) -> DistanceField | None:
     """The same of an open file. It is read, not mapped: a file that shrinks under a map would end the process."""
     status = os.fstat(file.fileno())
-    start = file.read(_HEADER)
+    start = file.read(HEADER)
     if not cache.is_ours(status) or not start.startswith(_MAGIC) or not start.endswith(b"\n"):
         return None
     header = json.loads(start[len(_MAGIC) :])
     codes, levels = np.empty(grid.cells.shape, _code_type(header["code_type"])), np.empty(header["levels"], "<f8")
-    if status.st_size != _HEADER + codes.nbytes + levels.nbytes:
+    if status.st_size != HEADER + codes.nbytes + levels.nbytes:
         return None
     digest = hashlib.sha256()
-    if not (_fill(codes, file, digest) and _fill(levels, file, digest)):
+    if not (read_into(codes, file, digest) and read_into(levels, file, digest)):
         return None
     if header != _header(grid, kind, max_dist, codes, levels, digest.hexdigest()):
         return None
@@ -98,7 +98,7 @@ def _read(file: FileIO, grid: OccupancyGrid, kind: str, max_dist: float) -> Dist
     return DistanceField(codes, levels, grid.resolution, grid.origin)
 
 
-def _fill(array: NDArray[Any], file: FileIO, digest: Digest) -> bool:
+def read_into(array: NDArray[Any], file: FileIO, digest: Digest) -> bool:
     """Read an array piece by piece, each hashed while it is in the processor's cache; False if the file ends before."""
     left = array.reshape(-1).view(np.uint8).data
     while left:
@@ -145,4 +145,4 @@ def _store(path: Path, grid: OccupancyGrid, field: DistanceField, kind: str, max
     digest = hashlib.sha256(payload[0])
     digest.update(payload[1])
     header = json.dumps(_header(grid, kind, max_dist, codes, levels, digest.hexdigest()))
-    cache.write_whole(path, [(_MAGIC + header.encode()).ljust(_HEADER - 1) + b"\n", *payload])
+    cache.write_whole(path, [(_MAGIC + header.encode()).ljust(HEADER - 1) + b"\n", *payload])

@@ -1,0 +1,119 @@
+"""Fit and judge the probabilities of ``mcl locate``: ``python -m benchmarks.locate_calibration WORLDS.csv [REAL.csv]``.
+
+Fits the logistic of ``mclcli.search.calibration`` on the layouts with even seeds (weights that would make it fall where
+it should rise are held at 0) and prints its constants; then, with those in the source, how the held-out layouts do.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+
+from mclcli.search import calibration
+from mclcli.search.calibration import Figures
+
+Row = dict[str, str]
+_EDGES = (0.0, 0.2, 0.5, 0.8, 0.9, 0.95, 0.98, 1.0)
+
+
+def figures(row: Row) -> Figures:
+    """The figures of one search."""
+    return Figures(**{name: float(row[name]) for name in Figures.__dataclass_fields__})
+
+
+def features(rows: list[Row]) -> np.ndarray:
+    """A row per search: 1 and the clipped figures."""
+    columns = [np.clip([float(row[name]) for row in rows], *calibration.RANGES[name]) for name in calibration.WEIGHTS]
+    return np.column_stack([np.ones(len(rows)), *columns])
+
+
+def fit(rows: list[Row]) -> np.ndarray:
+    """Constant and weights of the greatest likelihood with a slight pull to 0, signs as in the source."""
+    x, y = features(rows), np.array([int(row["right"]) for row in rows], dtype=np.float64)
+    signs = np.sign(list(calibration.WEIGHTS.values()))
+    weights = np.zeros(x.shape[1])
+    step = 4.0 / np.linalg.eigvalsh(x.T @ x).max()
+    for _ in range(100_000):
+        p = 1.0 / (1.0 + np.exp(-x @ weights))
+        gradient = x.T @ (y - p)
+        gradient[1:] -= 0.5 * weights[1:]
+        moved = weights + step * gradient
+        moved[1:] = signs * np.maximum(signs * moved[1:], 0.0)
+        if np.abs(moved - weights).max() < 1e-9:
+            break
+        weights = moved
+    return weights
+
+
+def wilson(right: int, count: int, z: float = 1.96) -> tuple[float, float]:
+    """Bounds of a share. Source: Wilson 1927."""
+    if count == 0:
+        return 0.0, 1.0
+    share, spread = right / count, z * z / count
+    middle = (share + spread / 2.0) / (1.0 + spread)
+    half = z * math.sqrt(share * (1.0 - share) / count + spread / (4.0 * count)) / (1.0 + spread)
+    return middle - half, middle + half
+
+
+def judge(rows: list[Row], title: str) -> None:
+    """Reliability, log score and coverage of the probabilities that the source gives."""
+    p = np.array([calibration.probability(figures(row)) for row in rows])
+    y = np.array([int(row["right"]) for row in rows])
+    score = -float(np.mean(np.where(y == 1, np.log(p), np.log1p(-p))))
+    base = y.mean() if 0 < y.sum() < y.size else 0.5
+    plain = -float(np.mean(np.where(y == 1, np.log(base), np.log1p(-base))))
+    print(f"\n{title}: {len(rows)} searches, {y.mean():.0%} right, log score {score:.3f} (base rate {plain:.3f})\n")
+    print("| probability | searches | mean | right | 95 % band |\n|---|---|---|---|---|")
+    for low, high in itertools.pairwise(_EDGES):
+        inside = (p >= low) & ((p < high) | (high == 1.0))
+        if inside.any():
+            bounds = wilson(int(y[inside].sum()), int(inside.sum()))
+            print(
+                f"| {low:g}–{high:g} | {inside.sum()} | {p[inside].mean():.3f} | {y[inside].mean():.3f} | "
+                f"{bounds[0]:.2f}–{bounds[1]:.2f} |"
+            )
+
+
+def by_window(rows: list[Row], least: float = 0.9) -> None:
+    """A row per length of window: how often right, how often confident, and how often wrong when confident."""
+    print("\n| window | searches | right | truth among 5 | confident | of those wrong |\n|---|---|---|---|---|---|")
+    for window in sorted({float(row["window"]) for row in rows}):
+        own = [row for row in rows if float(row["window"]) == window]
+        p = np.array([calibration.probability(figures(row)) for row in own])
+        y, among = (np.array([int(row[name]) for row in own]) for name in ("right", "among"))
+        sure = p >= least
+        wrong = f"{int((1 - y[sure]).sum())} of {sure.sum()}"
+        print(f"| {window:g} s | {len(own)} | {y.mean():.1%} | {among.mean():.1%} | {sure.mean():.1%} | {wrong} |")
+
+
+def main() -> None:
+    """Fit and print."""
+    options = argparse.ArgumentParser(description=__doc__)
+    options.add_argument("worlds", type=Path, help="CSV of benchmarks.locate_worlds")
+    options.add_argument("real", nargs="*", type=Path, help="CSVs of benchmarks.locate_logs")
+    chosen = options.parse_args()
+    rows = list(csv.DictReader(chosen.worlds.open()))
+    fitted = [row for row in rows if int(row["layout"]) % 2 == 0]
+    constant, *weights = fit(fitted)
+    print(f"CONSTANT = {constant:.3f}")
+    print(f"WEIGHTS = {dict(zip(calibration.WEIGHTS, np.round(weights, 3).tolist(), strict=True))}")
+    held_out = [row for row in rows if int(row["layout"]) % 2]
+    for title, part in (("Fitted layouts", fitted), ("Held-out layouts", held_out)):
+        if part:
+            judge(part, title)
+            by_window(part)
+    on_map = [row for row in held_out if row["change"] != "elsewhere"]
+    if on_map:
+        print("\nHeld-out layouts, without the robots that are elsewhere:")
+        by_window(on_map)
+    for path in chosen.real:
+        judge(list(csv.DictReader(path.open())), path.stem)
+
+
+if __name__ == "__main__":
+    main()

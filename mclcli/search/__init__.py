@@ -1,0 +1,1 @@
+"""Global localization: the best poses of a scan anywhere on the map, found exactly by branch and bound."""

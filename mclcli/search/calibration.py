@@ -1,0 +1,47 @@
+"""From the figures of a search to the probability that its best place is right."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import final
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Figures:
+    """What a search says of its own answer.
+
+    ``log_odds`` of the best place against all others, "not on this map" and what is around none of them, after the beam
+    model has looked; ``log_odds_field`` the same before it. ``misfit`` and ``misfit_rays`` [nats a beam]: how far below
+    a perfect fit the best pose is, by the field and by the beam model. ``log_beams`` of the effective number of beams.
+    """
+
+    log_odds: float
+    log_odds_field: float
+    misfit: float
+    misfit_rays: float
+    log_beams: float
+
+
+# Logistic in the figures, each clipped to a range: constant, then the weights. Fitted by
+#   python -m benchmarks.locate_worlds --layouts 0:8 -o worlds.csv && python -m benchmarks.locate_calibration worlds.csv
+# on the layouts with even seeds; docs/locate.md shows how it does on the others, and on real logs.
+CONSTANT = -1.0
+WEIGHTS = {"log_odds": 0.6, "misfit": -3.0, "misfit_rays": -0.5, "log_beams": 0.5}
+RANGES = {"log_odds": (-5.0, 12.0), "misfit": (0.0, 2.0), "misfit_rays": (0.0, 3.0), "log_beams": (0.0, 6.0)}
+LEAST, MOST = 0.0005, 0.9995  # a fit on some hundreds of cases cannot tell certainty
+
+
+def logit(figures: Figures) -> float:
+    """Log odds that the best place is right, by the fit."""
+    total = CONSTANT
+    for name, weight in WEIGHTS.items():
+        low, high = RANGES[name]
+        total += weight * min(max(getattr(figures, name), low), high)
+    return total
+
+
+def probability(figures: Figures) -> float:
+    """Probability that the best place is right, (0, 1); monotone in every figure."""
+    return min(max(1.0 / (1.0 + math.exp(-logit(figures))), LEAST), MOST)

@@ -1,0 +1,127 @@
+"""The lattice of poses that is searched: the centres of cells, and angles so close that no endpoint skips a cell.
+
+Everything is in cells of the field and in its own frame; ``Lattice.poses`` leads back to the map.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from mclcli import se2
+from mclcli.world.pyramid import angles_in, top_level
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_COARSEST = math.radians(2.0)  # of scans that reach hardly anywhere
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """Which cells of a map may hold the base, counted in blocks.
+
+    ``counts`` int32: allowed cells of every block of 2^h × 2^h cells, level h from ``firsts[h]`` on; ``sizes`` (L + 1,
+    2): rows and columns of blocks. Level 0 is the map itself.
+    """
+
+    counts: NDArray[np.int32]
+    firsts: NDArray[np.int64]
+    sizes: NDArray[np.int64]
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows H and columns W of the map."""
+        return int(self.sizes[0, 0]), int(self.sizes[0, 1])
+
+    @property
+    def number(self) -> int:
+        """How many cells are allowed."""
+        return int(self.counts[int(self.firsts[-1]) :].sum(dtype=np.int64))
+
+
+def count_places(allowed: NDArray[np.bool_]) -> Places:
+    """Count the allowed cells (H, W) in the blocks of every level."""
+    counts = [allowed.astype(np.int32)]
+    for _ in range(top_level(*allowed.shape)):
+        counts.append(_sums_of_blocks(counts[-1]))
+    firsts = np.cumsum([0, *(count.size for count in counts)])[:-1].astype(np.int64)
+    sizes = np.array([count.shape for count in counts], np.int64)
+    return Places(np.concatenate([count.ravel() for count in counts]), firsts, sizes)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Lattice:
+    """Angles, where every beam ends from each of them, and which cells may hold the base.
+
+    ``angles`` (A,) [rad] in the field's frame, ``step`` apart. ``ends`` (G, B, 2) int32: row and column offset of the
+    cell in which a beam ends, seen from a base at the centre of cell (0, 0); first for every angle, then the least ones
+    of groups of angles. ``frames`` (L + 1, 4) int64: for every level the first row in ``ends``, and how many groups,
+    rows and columns of blocks it has.
+    """
+
+    angles: NDArray[np.float64]
+    step: float
+    ends: NDArray[np.int32]
+    frames: NDArray[np.int64]
+    places: Places
+
+    @property
+    def size(self) -> int:
+        """Number of poses."""
+        return self.angles.size * self.places.number
+
+    def nodes(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Angle, row and column (N, 3) of keys (N,) = (angle·H + row)·W + column."""
+        height, width = self.places.shape
+        return np.column_stack([keys // (height * width), keys // width % height, keys % width])
+
+    def poses(self, keys: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Column, row [cells, continuous] and yaw [rad] (N, 3) in the field's frame."""
+        angle, row, column = self.nodes(keys).T
+        return np.column_stack([column + 0.5, row + 0.5, self.angles[angle]])
+
+
+def angle_step(reach: float) -> float:
+    """Step [rad] of angles: it divides a turn, and moves no endpoint up to ``reach`` cells away by more than one."""
+    return se2.TAU / math.ceil(se2.TAU / min(1.0 / max(reach, 1e-9), _COARSEST))
+
+
+def build(endpoints: NDArray[np.float64], places: Places, about: tuple[float, float] = (0.0, math.pi)) -> Lattice:
+    """Lattice for endpoints (B, 2) [cells] in the base frame.
+
+    ``about`` is an angle [rad] in the field's frame and how far from it angles may be.
+    """
+    reach = float(np.hypot(endpoints[:, 0], endpoints[:, 1]).max(initial=0.0))
+    step = angle_step(reach)
+    angles = np.arange(round(se2.TAU / step), dtype=np.float64) * step
+    angles = angles[np.abs(se2.wrap(angles - about[0])) <= about[1]]
+    ends, frames, first = [_cells_of_ends(endpoints, angles)], [], 0
+    for level, (rows, columns) in enumerate(places.sizes.tolist()):
+        if angles_in(level) > 1 and len(ends[-1]):
+            first += len(ends[-1])
+            ends.append(np.minimum.reduceat(ends[-1], np.arange(0, len(ends[-1]), 2), axis=0))
+        frames.append([first, len(ends[-1]), rows, columns])
+    return Lattice(angles, step, np.concatenate(ends), np.array(frames, np.int64), places)
+
+
+def _cells_of_ends(endpoints: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.int32]:
+    """Row and column (A, B, 2) of the cell in which each beam ends, from the centre of cell (0, 0)."""
+    c, s = np.cos(angles)[:, np.newaxis], np.sin(angles)[:, np.newaxis]
+    x, y = endpoints[:, 0], endpoints[:, 1]
+    out = np.empty((angles.size, x.size, 2), np.int32)
+    out[..., 0] = np.floor(0.5 + (s * x + c * y))
+    out[..., 1] = np.floor(0.5 + (c * x - s * y))
+    return out
+
+
+def _sums_of_blocks(counts: NDArray[np.int32]) -> NDArray[np.int32]:
+    """Sums of 2 × 2 blocks."""
+    rows, columns = counts.shape
+    even = np.pad(counts, ((0, rows % 2), (0, columns % 2)))
+    return np.asarray(even[::2, ::2] + even[1::2, ::2] + even[::2, 1::2] + even[1::2, 1::2], np.int32)

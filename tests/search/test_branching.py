@@ -1,0 +1,201 @@
+"""The proof: branch and bound finds what trying every pose finds, and its bounds are bounds."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mclcli.search import branching, lattice, plain
+from mclcli.world import pyramid
+from mclcli.world.distance_field import DistanceField
+from tests.reference import search as reference
+from tests.search.worlds import World, worlds
+
+if TYPE_CHECKING:
+    from mclcli.search.branching import Search
+
+SLOW = settings(deadline=None, max_examples=40)
+
+
+def brute_force(world: World, search: Search) -> list[tuple[float, int, int, int]]:
+    """Every pose, scored by the reference from the table of the field."""
+    table = search.log_p[search.field.codes].tolist()
+    ends = [(float(x), float(y)) for x, y in world.ends]
+    return reference.every_score(
+        table, float(search.log_p[-1]), ends, search.lattice.angles.tolist(), world.allowed.tolist()
+    )
+
+
+@SLOW
+@given(worlds(largest=12))
+def test_the_best_pose_is_the_one_that_trying_all_finds_to_the_bit(world: World) -> None:
+    search = world.search()
+    value, key = search.maximum()
+    scores = brute_force(world, search)
+    if not scores:
+        assert (value, key) == (-math.inf, -1)
+        return
+    best = reference.best(scores)
+    angle, row, column = search.lattice.nodes(np.array([key]))[0]
+    assert (value, angle, row, column) == best
+
+
+@SLOW
+@given(worlds(largest=12), st.floats(0.1, 4.0), st.floats(0.1, 1.0))
+def test_all_leaves_within_the_slack_are_found_and_the_mass_of_the_others_is_bounded(
+    world: World, slack: float, alpha: float
+) -> None:
+    search = world.search()
+    value, key = search.maximum()
+    if key < 0:
+        return
+    found = search.near(value, key, slack, alpha, 200_000)
+    assert found is not None
+    scores = brute_force(world, search)
+    height, width = search.lattice.places.shape
+    expected = {(k * height + row) * width + column: v for v, k, row, column in scores if v >= value - slack}
+    assert dict(zip(found.keys.tolist(), found.values.tolist(), strict=True)) == expected
+    assert found.keys[0] == key
+    assert (np.diff(found.values) <= 0.0).all()
+    others = sum(math.exp(alpha * (v - value)) for v, *_ in scores if v < value - slack)
+    assert others <= found.pruned * (1.0 + 1e-9) + 1e-12
+
+
+def test_too_many_leaves_are_refused_not_cut_off() -> None:
+    world = World(*_small_room())
+    search = world.search()
+    value, key = search.maximum()
+    everything = search.near(value, key, 1e6, 1.0, search.lattice.size)
+    assert everything is not None
+    assert everything.keys.size == search.lattice.size
+    assert everything.pruned == 0.0
+    assert search.near(value, key, 1e6, 1.0, search.lattice.size - 1) is None
+
+
+@SLOW
+@given(worlds(largest=40))
+def test_the_bound_of_a_node_is_not_below_any_of_its_children_at_every_level(world: World) -> None:
+    search = world.search()
+    top = len(search.lattice.frames) - 1
+    rng = np.random.default_rng(0)
+    nodes = [(top, *root) for root in map(tuple, search.roots.tolist())]
+    while nodes and nodes[0][0] > 0:
+        some = [nodes[i] for i in rng.permutation(len(nodes))[:20]]
+        kids = {node: plain.children_of(search, node) for node in some}
+        for node, children in kids.items():
+            for level, t, row, column in children:
+                value = (
+                    plain.bound_of(search, (level, t, row, column)) if level else plain.value_of(search, t, row, column)
+                )
+                leaves = _some_leaves(search, (level, t, row, column), rng)
+                assert plain.bound_of(search, node) >= max(leaves, default=-math.inf)
+                assert not leaves or value >= max(leaves)
+        nodes = [child for children in kids.values() for child in children]
+
+
+def _some_leaves(search: Search, node: plain.Node, rng: np.random.Generator) -> list[float]:
+    level, t, row, column = node
+    span = pyramid.angles_in(level)
+    height, width = search.lattice.places.shape
+    picks = [
+        (t * span + i, (row << level) + j, (column << level) + k)
+        for i, j, k in rng.integers(0, [span, 1 << level, 1 << level], (6, 3))
+    ]
+    inside = [(a, r, c) for a, r, c in picks if a < search.lattice.angles.size and r < height and c < width]
+    return [plain.value_of(search, int(a), int(r), int(c)) for a, r, c in inside]
+
+
+@settings(deadline=None, max_examples=25)
+@given(worlds(largest=40))
+def test_the_compiled_search_agrees_with_the_readable_one(world: World) -> None:
+    search = world.search()
+    top = len(search.lattice.frames) - 1
+    bounds = [plain.bound_of(search, (top, *root)) for root in map(tuple, search.roots.tolist())]
+    assert bounds == search.bounds.tolist()
+    assert plain.maximum(search) == search.maximum()
+
+
+def test_of_equal_poses_the_first_is_found() -> None:
+    empty = np.zeros((9, 17), bool)
+    grid, ends, _, parameters = _small_room()
+    free = World(grid.__class__(np.zeros((9, 17), np.int8), 0.1, np.zeros(3)), ends, ~empty, parameters)
+    assert free.search().maximum()[1] == 0
+    empty[4, 3] = empty[4, 5] = True
+    assert World(free.grid, ends, empty, parameters).search().maximum()[1] == 4 * 17 + 3
+
+
+def test_no_endpoint_moves_by_more_than_a_cell_from_angle_to_angle() -> None:
+    for reach in (0.0, 0.3, 7.0, 400.0, 12345.6):
+        step = lattice.angle_step(reach)
+        assert step * reach <= 1.0
+        assert math.tau / step == pytest.approx(round(math.tau / step), abs=1e-6)
+
+
+def test_angles_can_be_limited() -> None:
+    found = lattice.build(np.array([[50.0, 0.0]]), lattice.count_places(np.ones((3, 3), bool)), (3.0, 0.5))
+    off = np.abs(np.remainder(found.angles - 3.0 + math.pi, math.tau) - math.pi)
+    assert off.max() <= 0.5
+    assert found.angles.size == pytest.approx(1.0 / found.step, abs=1.5)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (5, 3), (40, 70), (300, 129)])
+def test_every_window_holds_the_least_bin_below_it(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(1)
+    levels = np.linspace(0.0, 2.0, 60)
+    field = DistanceField(rng.integers(0, 60, shape).astype(np.uint16), levels, 0.05, np.zeros(3))
+    bins = pyramid.bins_of(field)[field.codes]
+    built = pyramid.build(field)
+    for level in range(1, len(built.shapes)):
+        start, height, width, shift, margin = built.shapes[level].tolist()
+        pooled = built.pool[start : start + height * width].reshape(height, width)
+        side = pyramid.window_of(level)
+        for r, c in rng.integers(0, [height, width], (40, 2)):
+            y, x = (int(r) - margin) << shift, (int(c) - margin) << shift
+            window = bins[max(y, 0) : max(y + side, 0), max(x, 0) : max(x + side, 0)]
+            whole = y >= 0 and x >= 0 and y + side <= shape[0] and x + side <= shape[1]
+            least = window.min(initial=pyramid.OFF_MAP)
+            assert pooled[r, c] == (least if whole or window.size else pyramid.OFF_MAP)
+
+
+def test_the_pyramid_takes_less_than_four_bytes_a_cell() -> None:
+    field = DistanceField(np.zeros((900, 700), np.uint16), np.array([0.0, 2.0]), 0.05, np.zeros(3))
+    built = pyramid.build(field)
+    assert built.pool.nbytes <= 3.8 * field.codes.size
+    assert built.pool.nbytes <= 1.5 * (len(built.shapes) - 1) * field.codes.size
+
+
+def test_sightings_are_added_to_every_leaf() -> None:
+    grid, ends, allowed, parameters = _small_room()
+    search = World(grid, ends, allowed, parameters).search()
+    marks = np.array([[2.5, 3.5, 0.3, 0.5, 0.0], [14.0, 1.0, -1.2, 0.5, 0.0]])
+    density = 0.9 / (0.05 * math.sqrt(math.tau))
+    law = np.array([density, -0.5 / 0.05**2, 0.1 / math.tau, 1e-15, 2.0 * math.log(density + 0.1 / math.tau)])
+    both = branching.Sightings(marks, law)
+    seen = branching.prepare(search.field, search.pyramid, search.lattice, search.log_p, both)
+    scores = []
+    for value, k, row, column in brute_force(World(grid, ends, allowed, parameters), search):
+        yaw = search.lattice.angles[k]
+        x, y = column + 0.5 + 0.5 * math.cos(yaw), row + 0.5 + 0.5 * math.sin(yaw)
+        for mark_x, mark_y, bearing in marks[:, :3]:
+            error = math.remainder(bearing - (math.atan2(mark_y - y, mark_x - x) - yaw), math.tau)
+            value += math.log(density * math.exp(-0.5 * (error / 0.05) ** 2) + 0.1 / math.tau)  # noqa: PLW2901
+        scores.append((value, k, row, column))
+    best, key = seen.maximum()
+    expected = reference.best(scores)
+    assert best == pytest.approx(expected[0], abs=1e-9)
+    assert tuple(search.lattice.nodes(np.array([key]))[0]) == expected[1:]
+
+
+def _small_room() -> tuple:  # type: ignore[type-arg]
+    from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
+    from tests.worlds import room
+
+    grid = room()
+    angles = np.arange(8) * 0.7
+    ends = np.stack([6.0 * np.cos(angles), 4.0 * np.sin(angles)], axis=-1)
+    return grid, ends, grid.free, LikelihoodFieldParameters(sigma_hit=0.15)

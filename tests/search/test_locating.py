@@ -1,0 +1,229 @@
+"""Where a robot is found, how sure the search is, and what it searches with."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+
+from mclcli import profiles, se2, se3
+from mclcli.records import LandmarkSightings, LaserScan
+from mclcli.search import window
+from mclcli.search.calibration import Figures, probability
+from mclcli.sensors import beams as beam_selection
+from mclcli.sensors.beams import BeamSelection
+from mclcli.sensors.observation import Observation
+from mclcli.whereabouts import Finder, Limits
+from mclcli.world.landmarks import Landmarks
+from tests.search.scenes import MOUNT, cells_allowed, finder_for, hall, seen_from
+
+POSE = (1.3, 1.1, 0.7)
+
+
+def off(pose: np.ndarray, true: tuple[float, float, float]) -> tuple[float, float]:
+    """Distance [m] and angle [rad] from the truth."""
+    error = se2.between(np.array(true), pose)
+    return math.hypot(error[0], error[1]), abs(float(error[2]))
+
+
+@pytest.mark.parametrize("origin", [(-1.0, -0.5, 0.0), (5.0e6, -3.0e5, 0.8), (2.0, 3.0, -2.5)])
+@pytest.mark.parametrize(
+    "mount",
+    [np.eye(4), MOUNT, se3.from_rpy([0.2, 0.1, 0.3], math.pi, 0.0, 1.0)],
+    ids=["at the base", "yawed", "upside down"],
+)
+def test_the_robot_is_found_wherever_the_map_lies_and_however_the_lidar_hangs(
+    origin: tuple[float, float, float], mount: np.ndarray
+) -> None:
+    grid = hall(origin)
+    true = tuple(se2.compose(np.array(origin), [3.1, 1.4, 2.0]).tolist())
+    location = finder_for(grid).find(seen_from(grid, true, mount=mount), 5)
+    assert location is not None
+    best = location.modes[0]
+    distance, angle = off(best.pose, true)
+    assert distance < 0.05
+    assert angle < math.radians(1.0)
+    assert best.log_likelihood <= location.maximum
+    assert best.share > 0.9
+
+
+def test_a_narrow_view_with_many_no_returns_is_enough_where_the_map_allows_it() -> None:
+    grid = hall()
+    location = finder_for(grid).find(seen_from(grid, POSE, fov=math.radians(120.0), range_max=3.0), 5)
+    assert location is not None
+    assert off(location.modes[0].pose, POSE)[0] < 0.1
+
+
+def test_a_place_that_stands_twice_on_the_map_is_told_as_two() -> None:
+    grid = hall(twin=True)
+    location = finder_for(grid).find(seen_from(grid, POSE), 5)
+    assert location is not None
+    first, second = location.modes[:2]
+    twin = (POSE[0] + 6.0, POSE[1], POSE[2])
+    for mode in (first, second):
+        assert min(off(mode.pose, POSE)[0], off(mode.pose, twin)[0]) < 0.05
+    assert off(first.pose, tuple(second.pose.tolist()))[0] == pytest.approx(6.0, abs=0.05)
+    assert first.share < 0.7
+    assert second.share > 0.2
+
+
+def test_a_prior_and_a_region_tell_twins_apart() -> None:
+    grid = hall(twin=True)
+    for limits in (Limits(disc=(7.0, 1.0, 2.0)), Limits(region=(5.0, -0.5, 11.0, 3.5))):
+        location = finder_for(grid, limits=limits).find(seen_from(grid, POSE), 5)
+        assert location is not None
+        assert off(location.modes[0].pose, (POSE[0] + 6.0, POSE[1], POSE[2]))[0] < 0.05
+        assert location.modes[0].share > 0.9
+    away = finder_for(grid, limits=Limits(about=(POSE[2] + math.pi, 0.5))).find(seen_from(grid, POSE), 5)
+    assert away is not None
+    assert all(abs(se2.wrap(mode.node[2] - POSE[2] - math.pi)) <= 0.5 + 1e-9 for mode in away.modes)
+
+
+def test_no_cell_allowed_is_nowhere() -> None:
+    grid = hall()
+    assert finder_for(grid, limits=Limits(disc=(50.0, 50.0, 1.0))).find(seen_from(grid, POSE), 5) is None
+
+
+def test_a_window_joins_scans_by_odometry() -> None:
+    """Two narrow views that say little alone; the frame of odometry is another than the map's."""
+    grid, path = hall(), [(1.3, 1.1, 0.7 + 0.5 * i) for i in range(8)]
+    alone = finder_for(grid).find(seen_from(grid, path[-1], fov=0.7), 5)
+    joined = finder_for(grid).find(seen_from(grid, *path, fov=0.7), 5)
+    assert alone is not None
+    assert joined is not None
+    assert off(joined.modes[0].pose, path[-1])[0] < 0.1
+    assert joined.modes[0].share > max(0.9, alone.modes[0].share - 1e-6)
+
+
+def test_landmarks_tell_twins_apart() -> None:
+    grid = hall(twin=True)
+    marks = Landmarks(("a", "b"), np.array([[2.0, 1.5, 0.0], [8.5, 1.0, 0.0]]))
+    twin = np.array([POSE[0] + 6.0, POSE[1], POSE[2]])
+    rays = np.column_stack(
+        [se2.between(twin, np.column_stack([marks.positions[:, :2], np.zeros(2)]))[:, :2], np.zeros(2)]
+    )
+    scans = seen_from(grid, POSE)
+    sighting = Observation("/marks", LandmarkSightings(0, "cam", ("a", "b"), rays), scans[0].odom_from_base, np.eye(4))
+    location = finder_for(grid, landmarks=marks).find([sighting, *scans], 5)
+    assert location is not None
+    assert off(location.modes[0].pose, tuple(twin.tolist()))[0] < 0.05
+    assert location.modes[0].share > 0.9
+    assert location.beams == 92
+
+
+def test_a_scan_without_a_reading_says_nothing() -> None:
+    scan = LaserScan(0, "laser", -1.0, 0.1, 0.05, 8.0, np.full(20, np.inf))
+    location = finder_for(hall()).find([Observation("/scan", scan, np.zeros(3), np.eye(4))], 5)
+    assert location is not None
+    assert location.beams == 0
+    assert location.modes[0].share < 0.5
+
+
+def test_shares_are_probabilities_and_the_interval_holds_the_mass_of_all_poses() -> None:
+    """With all of a small map enumerated the interval closes on the mass; with less it contains it."""
+    grid = hall()
+    seen = seen_from(grid, POSE, fov=1.5)
+    whole = _with(finder_for(grid, alpha=0.3), leaf_nats=7.4).find(seen, 32)
+    part = _with(finder_for(grid, alpha=0.3), leaf_nats=4.0).find(seen, 32)
+    assert whole is not None
+    assert part is not None
+    for location in (whole, part):
+        shares = [mode.share for mode in location.modes]
+        assert sum(shares) + location.elsewhere <= 1.0 + 1e-9
+        assert all(0.0 <= share <= 1.0 for share in shares)
+        assert all(0.0 <= mode.low <= mode.high <= 1.0 + 1e-12 for mode in location.modes)
+    first = {tuple(mode.node): mode for mode in part.modes}
+    closer = [(first[tuple(m.node)], m) for m in whole.modes if tuple(m.node) in first]
+    assert closer
+    for wide, narrow in closer:
+        assert narrow.high - narrow.low < wide.high - wide.low
+        assert wide.low <= narrow.high
+        assert narrow.low <= wide.high
+
+
+def _with(finder: Finder, leaf_nats: float) -> Finder:
+    search = dataclasses.replace(finder.settings.search, leaf_nats=leaf_nats)
+    return dataclasses.replace(finder, settings=dataclasses.replace(finder.settings, search=search))
+
+
+def test_refinement_goes_beyond_the_lattice_and_tells_where_it_is_loose() -> None:
+    grid = hall()
+    true = (1.3137, 1.1219, 0.7043)
+    location = finder_for(grid).find(seen_from(grid, true), 1)
+    assert location is not None
+    mode = location.modes[0]
+    assert off(mode.pose, true)[0] < 0.03
+    assert np.linalg.eigvalsh(mode.covariance).min() > 0.0
+    np.testing.assert_array_equal(mode.covariance, mode.covariance.T)
+    wall = finder_for(grid).find(seen_from(grid, (2.0, 0.4, -math.pi / 2.0), fov=0.9, range_max=1.2), 1)
+    assert wall is not None
+    spread = np.linalg.eigvalsh(wall.modes[0].covariance[:2, :2])
+    assert spread[1] > 4.0 * spread[0]  # along the wall it may be anywhere
+
+
+@pytest.mark.parametrize(("policy", "cells"), [("free", 1), ("open", 2), ("any", 3)])
+def test_where_the_base_may_be_is_a_choice(policy: str, cells: int) -> None:
+    from tests.worlds import drawn
+
+    assert cells_allowed(drawn("#?."), policy).sum() == cells
+
+
+def test_all_profiles_find_the_robot() -> None:
+    grid = hall()
+    for profile in ("textbook", "nav2", "beluga"):
+        settings = profiles.build({}, profile=profile)
+        location = finder_for(grid, settings).find(seen_from(grid, POSE), 3)
+        assert location is not None
+        assert off(location.modes[0].pose, POSE)[0] < 0.08
+
+
+def test_the_log_likelihood_is_what_scoring_says_at_that_pose() -> None:
+    grid = hall((2.0, 3.0, 0.0))
+    true = (3.4, 4.2, -2.0)
+    finder, seen = finder_for(grid), seen_from(grid, true)
+    location, view = finder.find(seen, 5), finder.view(seen)
+    assert location is not None
+    assert view is not None
+    for mode in location.modes:
+        scored = finder.scene.model.measure("lidar", view.beams).log_likelihood(mode.node[np.newaxis])[0]
+        assert scored == pytest.approx(mode.log_likelihood, abs=1e-9)
+
+
+def test_scans_joined_are_those_beams_seen_from_the_last_base() -> None:
+    grid, path = hall(), [(1.3, 1.1, 0.7), (1.5, 1.2, 1.0)]
+    seen = seen_from(grid, *path)
+    joined = finder_for(grid).view(seen)
+    assert joined is not None
+    ends = se2.compose(
+        np.array(path[-1]), np.column_stack([joined.beams.endpoints, np.zeros(len(joined.beams.ranges))])
+    )
+    expected = []
+    for pose, observation in zip(path, seen, strict=True):
+        assert isinstance(observation.reading, LaserScan)
+        own = beam_selection.select(observation.reading, MOUNT, BeamSelection(max_beams=120)).endpoints
+        expected.append(se2.compose(np.array(pose), np.column_stack([own, np.zeros(len(own))]))[:, :2])
+    distance = np.linalg.norm(ends[:, np.newaxis, :2] - np.concatenate(expected), axis=2).min(axis=1)
+    assert distance.max() < 1e-9
+    bearings = np.arctan2(*joined.beams.endpoints.T[::-1])
+    assert (np.diff(bearings) >= 0.0).all()
+
+
+def test_scans_are_chosen_along_the_way_and_a_standing_robot_has_one() -> None:
+    straight = np.column_stack([np.linspace(0.0, 3.0, 61), np.zeros((61, 2))])
+    assert window.spread(straight, 4).tolist() == [0, 20, 40, 60]
+    assert window.spread(np.zeros((9, 3)), 5).tolist() == [8]
+    assert window.spread(straight[:1], 5).tolist() == [0]
+
+
+@pytest.mark.parametrize("name", ["log_odds", "misfit", "misfit_rays", "log_beams"])
+def test_the_calibration_is_monotone_in_every_figure(name: str) -> None:
+    base = Figures(log_odds=3.0, log_odds_field=2.0, misfit=0.1, misfit_rays=0.2, log_beams=3.5)
+    sign = -1.0 if name.startswith("misfit") else 1.0
+    values = [
+        probability(dataclasses.replace(base, **{name: getattr(base, name) + sign * step}))
+        for step in np.linspace(-2.0, 6.0, 30)
+    ]
+    assert (np.diff(values) >= 0.0).all()
+    assert all(0.0 < value < 1.0 for value in values)
