@@ -28,14 +28,15 @@ def figures(row: Row) -> Figures:
 
 def features(rows: list[Row]) -> np.ndarray:
     """A row per search: 1 and the clipped figures."""
-    columns = [np.clip([float(row[name]) for row in rows], *calibration.RANGES[name]) for name in calibration.WEIGHTS]
+    terms = calibration.TERMS
+    columns = [np.clip([float(row[term.figure]) for row in rows], term.low, term.high) for term in terms]
     return np.column_stack([np.ones(len(rows)), *columns])
 
 
 def fit(rows: list[Row]) -> np.ndarray:
     """Constant and weights of the greatest likelihood with a slight pull to 0, signs as in the source."""
     x, y = features(rows), np.array([int(row["right"]) for row in rows], dtype=np.float64)
-    signs = np.sign(list(calibration.WEIGHTS.values()))
+    signs = np.sign([term.weight for term in calibration.TERMS])
     weights = np.zeros(x.shape[1])
     step = 4.0 / np.linalg.eigvalsh(x.T @ x).max()
     for _ in range(100_000):
@@ -101,7 +102,8 @@ def main() -> None:
     fitted = [row for row in rows if int(row["layout"]) % 2 == 0]
     constant, *weights = fit(fitted)
     print(f"CONSTANT = {constant:.3f}")
-    print(f"WEIGHTS = {dict(zip(calibration.WEIGHTS, np.round(weights, 3).tolist(), strict=True))}")
+    for term, weight in zip(calibration.TERMS, weights, strict=True):
+        print(f"Term({term.figure!r}, {term.low}, {term.high}, {weight:.3f}),")
     held_out = [row for row in rows if int(row["layout"]) % 2]
     for title, part in (("Fitted layouts", fitted), ("Held-out layouts", held_out)):
         if part:

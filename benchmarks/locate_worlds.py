@@ -55,9 +55,9 @@ def building(kind: str, seed: int) -> Building:
 
 
 def changed(mapped: Building, kind: str, change: str, seed: int) -> Building:
-    """The building as it is today; ``elsewhere`` is another building of the kind, which the map does not show."""
-    if change == "elsewhere":
-        return building(kind, seed + 1000)
+    """The building as it is today; ``elsewhere`` is a building of another kind, which the map does not show."""
+    if change == "elsewhere":  # floors of a kind have corridors in common: the robot would be right to recognise them
+        return building(KINDS[(KINDS.index(kind) + 1) % len(KINDS)], seed + 1000)
     if change == "boxes":
         return move_boxes(mapped, seed, max(1, len(mapped.boxes) // 2))
     doors = tuple(i for i in range(len(mapped.doors)) if i % 3 == seed % 3)

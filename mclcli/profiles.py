@@ -98,8 +98,8 @@ SOURCES: dict[str, str] = {
     "beams": "nav2_amcl, Beluga",
     "likelihood_field": "table 6.3; nav2_amcl",
     "beam": "section 6.3.1",
-    "search": "mclcli.search; Hess et al. 2016, section V",
     "bearing": "sections 6.3.1, 6.6.2",
+    "search": "mclcli.search; Hess et al. 2016, section V",
     "frames": "REP 105; nav2_amcl",
 }
 # Lidar models, and the group that each has its parameters in.

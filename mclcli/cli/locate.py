@@ -13,9 +13,8 @@ from mclcli.errors import InputError, UsageError
 from mclcli.quantity import parse_list
 
 if TYPE_CHECKING:
-    from mclcli.assemble import FieldMaker
     from mclcli.profiles import Settings
-    from mclcli.whereabouts import Finder, Limits
+    from mclcli.whereabouts import Limits
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
 
@@ -89,10 +88,7 @@ def command(**arguments: Any) -> int:
 
     The best pose of the whole map, proven, the places that compete with it, and how probable each is.
     """
-    import functools
-
-    from mclcli.cli import locate_output, locate_scans
-    from mclcli.io.field_cache import cached_field
+    from mclcli.cli import finding, locate_output, locate_scans
     from mclcli.io.map_yaml import load_map
     from mclcli.io.output import open_output
 
@@ -100,9 +96,9 @@ def command(**arguments: Any) -> int:
     settings = chosen.settings
     grid = load_map(arguments["map_file"], max_cells=arguments["max_cells"], allow_outside=arguments["allow_outside"])
     landmarks = _landmarks(arguments)
-    make_field = functools.cache(lambda *what, **how: cached_field(*what, **how)[0])
-    moments = locate_scans.find(arguments, chosen, grid, landmarks, make_field)
-    finder = make_finder(arguments, settings, grid, landmarks, make_field)
+    moments = locate_scans.find(arguments, chosen, grid, landmarks)
+    alpha = finding.temperature_of(arguments["temperature"])
+    finder = finding.make_finder(settings, grid, landmarks, alpha, _limits(arguments, grid, settings))
     inputs = input_files(arguments)
     if arguments["picture"]:
         open_output(arguments["picture"], binary=True, inputs=inputs)  # refuses now what it would refuse at the end
@@ -123,38 +119,6 @@ def input_files(arguments: dict[str, Any]) -> list[Path]:
     """Files that are read, none of which may be written."""
     names = ("scan", "map_file", "landmarks", "bearings", "params")
     return [Path(arguments[name]) for name in names if arguments[name] and arguments[name] != "-"]
-
-
-def make_finder(
-    arguments: dict[str, Any],
-    settings: Settings,
-    grid: OccupancyGrid,
-    landmarks: Landmarks | None,
-    make_field: FieldMaker,
-) -> Finder:
-    """The search that the options ask for."""
-    import dataclasses
-
-    from mclcli import whereabouts
-    from mclcli.assemble import alpha_of, lidar_model
-    from mclcli.io.pyramid_cache import cached_pyramid
-    from mclcli.sensors.likelihood_field import LikelihoodField
-
-    alpha = alpha_of(arguments["temperature"], "lidar", "auto")
-    if alpha == "ess":
-        raise UsageError("--temperature: ess keeps a share of a sample, and here is none; give a number or auto")
-    field_settings = settings if settings.model != "beam" else dataclasses.replace(settings, model="likelihood_field")
-    model = lidar_model(grid, field_settings, make_field, 0.0)
-    assert isinstance(model, LikelihoodField)  # noqa: S101 - that is what the model was set to
-    return whereabouts.make_finder(
-        grid,
-        model,
-        settings,
-        lambda field: cached_pyramid(field)[0],
-        limits=_limits(arguments, grid, settings),
-        landmarks=landmarks,
-        alpha=alpha,
-    )
 
 
 def _limits(arguments: dict[str, Any], grid: OccupancyGrid, settings: Settings) -> Limits:

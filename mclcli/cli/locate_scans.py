@@ -17,7 +17,6 @@ from mclcli.sensors.observation import Observation
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from mclcli.assemble import FieldMaker
     from mclcli.cli.options import Chosen
     from mclcli.intake import Setup
     from mclcli.io.recording import Recording
@@ -53,7 +52,6 @@ def find(
     chosen: Chosen,
     grid: OccupancyGrid,
     landmarks: Landmarks | None,
-    make_field: FieldMaker,
 ) -> Moments:
     """What SCAN, --at, --index, --every and --window name.
 
@@ -81,7 +79,7 @@ def find(
         scan = scans.scan_of_log(recording, parts, arguments["at"], arguments["index"])
         mount = scans.mount_in_log(recording, parts, scan, arguments["mounts"])
         return Moments([_alone(scan, mount)], recording)
-    setup = _setup(arguments, chosen.settings, grid, landmarks, make_field, recording, parts)
+    setup = _setup(arguments, chosen.settings, grid, landmarks, recording, parts)
     moments = _moments(recording, setup, window_ns)
     if arguments["every"] is not None:
         return Moments(_thinned(moments, max(every_ns, 1)), recording)
@@ -127,12 +125,12 @@ def _setup(
     settings: Settings,
     grid: OccupancyGrid,
     landmarks: Landmarks | None,
-    make_field: FieldMaker,
     recording: Recording,
     parts: Roles,
 ) -> Setup:
     """What takes part, as for a run: scans need odometry to be joined."""
     from mclcli import assemble
+    from mclcli.io.field_cache import cached_field
 
     if not parts.scan:
         raise InputError(
@@ -145,7 +143,7 @@ def _setup(
         landmarks=landmarks,
         settings=settings,
         mounts=arguments["mounts"],
-        make_field=make_field,
+        make_field=lambda *what, **how: cached_field(*what, **how)[0],
     )
 
 

@@ -50,7 +50,8 @@ DAMAGED = 3
 @click.option(
     "--init",
     metavar="WHERE",
-    help="X,Y,YAW[,SXY,SYAW], uniform, global, a TOPIC of the log or FILE.tum.  [default: global]",
+    help="X,Y,YAW[,SXY,SYAW], uniform over the free cells, global (where a search finds the scans), a TOPIC of the "
+    "log or FILE.tum.  [default: global]",
 )
 @click.option(
     "--seed",
@@ -159,19 +160,23 @@ def _set_up(
     arguments: dict[str, Any], recording: Recording, parts: Roles, chosen: Chosen
 ) -> tuple[OccupancyGrid | None, Setup, Landmarks | None]:
     from mclcli import assemble
+    from mclcli.cli.finding import search_for
     from mclcli.cli.run_start import find_initialpose, read_offset, read_start, read_window
     from mclcli.cli.wishes import start_of_file
     from mclcli.io.field_cache import cached_field
 
     grid = _find_map(arguments, recording, parts)
     landmarks = _read_landmarks(arguments["landmarks"])
+    start = start_of_file(chosen, grid) if arguments["init"] is None else read_start(arguments["init"], recording)
+    start, proposal = search_for(arguments, chosen.settings, grid, landmarks, parts, start)
     setup = assemble.prepare(
         recording.found,
         parts,
         grid=grid,
         landmarks=landmarks,
         settings=chosen.settings,
-        start=start_of_file(chosen, grid) if arguments["init"] is None else read_start(arguments["init"], recording),
+        start=start,
+        proposal=proposal,
         follow=find_initialpose(recording) if arguments["follow_initialpose"] else "",
         deskew=arguments["deskew"],
         scan_offset_ns=read_offset(arguments["scan_offset"]),

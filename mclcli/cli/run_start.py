@@ -23,7 +23,7 @@ _NUMBERS = re.compile(r"\s*[-+.\d][^/]*,.*")
 
 
 def read_start(text: str | None, recording: Recording) -> Start | None:
-    """Start that --init names; None stands for anywhere on the map.
+    """Start that --init names; None for ``uniform`` and ``global``: anywhere on the map, or where a search finds it.
 
     Raises
     ------

@@ -24,21 +24,36 @@ class Figures:
     log_beams: float
 
 
-# Logistic in the figures, each clipped to a range: constant, then the weights. Fitted by
+@final
+@dataclass(frozen=True, slots=True)
+class Term:
+    """What a figure adds to the log odds: ``weight`` times the figure, clipped to ``low`` … ``high``."""
+
+    figure: str
+    low: float
+    high: float
+    weight: float
+
+
+# Fitted by
 #   python -m benchmarks.locate_worlds --layouts 0:8 -o worlds.csv && python -m benchmarks.locate_calibration worlds.csv
 # on the layouts with even seeds; docs/locate.md shows how it does on the others, and on real logs.
-CONSTANT = -1.0
-WEIGHTS = {"log_odds": 0.6, "misfit": -3.0, "misfit_rays": -0.5, "log_beams": 0.5}
-RANGES = {"log_odds": (-5.0, 12.0), "misfit": (0.0, 2.0), "misfit_rays": (0.0, 3.0), "log_beams": (0.0, 6.0)}
+CONSTANT = -0.654
+TERMS = (
+    Term("log_odds", -5.0, 3.0, 0.108),
+    Term("log_odds", 3.0, 12.0, 0.355),
+    Term("misfit", 0.0, 2.0, -0.5),
+    Term("misfit_rays", 0.0, 3.0, -1.652),
+    Term("log_beams", 0.0, 6.0, 0.1),
+)
 LEAST, MOST = 0.0005, 0.9995  # a fit on some hundreds of cases cannot tell certainty
 
 
 def logit(figures: Figures) -> float:
     """Log odds that the best place is right, by the fit."""
     total = CONSTANT
-    for name, weight in WEIGHTS.items():
-        low, high = RANGES[name]
-        total += weight * min(max(getattr(figures, name), low), high)
+    for term in TERMS:
+        total += term.weight * min(max(getattr(figures, term.figure), term.low), term.high)
     return total
 
 
