@@ -1,6 +1,6 @@
 """Global starts and kidnappings in the filter: ``python -m benchmarks.locate_filter [--data FOLDER] [--seeds N]``.
 
-On Intel: ``--init global`` with many seeds, and the scans until the estimate stays within 0.5 m and 10° of the reference;
+On Intel: ``--init global`` with many seeds, and the scans until the estimate stays within 0.5 m and 10°;
 logs in which the robot is carried from one place to another, and the scans until ``--recovery locate`` has found it.
 """
 
