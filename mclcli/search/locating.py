@@ -157,5 +157,7 @@ def calibrated(weighed: Weighing) -> tuple[NDArray[np.float64], float]:
     """Shares (M,) and that of being elsewhere, once the best has the probability that its figures stand for."""
     best = probability(weighed.figures)
     doubt = 1.0 - float(weighed.shares[0])
-    scale = (1.0 - best) / doubt if doubt > 0.0 else 0.0
+    if not doubt > 0.0:  # the models have none left: what the calibration doubts is whether it is this map
+        return np.concatenate([[best], weighed.shares[1:]]), 1.0 - best
+    scale = (1.0 - best) / doubt
     return np.concatenate([[best], weighed.shares[1:] * scale]), weighed.elsewhere * scale
