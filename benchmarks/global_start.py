@@ -39,12 +39,12 @@ def main() -> None:
     options.add_argument("--seeds", type=int, default=20, help="seeds 0 to N−1")
     options.add_argument("--particles", type=int, nargs="+", default=[5000, 20_000, 100_000])
     chosen = options.parse_args()
-    print("| log | particles at the start | found |\n|---|---|---|")
+    print("| log | particles | found |\n|---|---|---|")
     for name in chosen.logs:
         case, data = (CASES[name], chosen.data) if name in CASES else (SAMPLES[name], Path())
         loaded = Loaded.of(case, data)
         for number in chosen.particles:
-            settings = mcl.settings({"particles": f"2000:{number}", "hypotheses": 0})
+            settings = mcl.settings({"particles": number, "hypotheses": 0})
             total = sum(found(loaded, settings, seed) for seed in range(chosen.seeds))
             print(f"| {name} | {number} | {total} of {chosen.seeds} |", flush=True)
 

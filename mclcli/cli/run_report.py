@@ -105,14 +105,18 @@ def _doubts(recording: Recording, tally: ReplayTally) -> list[str]:
 
 def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
     """What happened that a user should know of."""
-    odometry = clean(setup.odometry)
+    jumps, again, back = tally.odometry_jumps, tally.restarts, tally.segments - 1
     told = {
-        f"odometry {odometry}: {{}} jumps, taken for resets and not for motion": tally.odometry_jumps,
-        f"{clean(setup.follow)}: {{}} poses stated, the filter began anew at each": tally.restarts,
-        "time jumped back {} times; the filter began anew in each segment": tally.segments - 1,
-        "{} particles drawn anew": tally.injected,
+        f"odometry {clean(setup.odometry)}: {_times(jumps)} it jumped; taken for resets, not for motion": jumps,
+        f"{clean(setup.follow)}: the filter began anew {_times(again)}, at every pose stated": again,
+        f"time jumped back {_times(back)}; the filter began anew in each segment": back,
+        f"{tally.injected} particles drawn anew": tally.injected,
     }
-    return [text.format(count) for text, count in told.items() if count]
+    return [text for text, count in told.items() if count]
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
 
 
 def show(lines: Sequence[str], report: str = "") -> None:
