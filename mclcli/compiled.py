@@ -20,8 +20,9 @@ if TYPE_CHECKING:
 
     from mclcli.machine_code import Argument, Function
 
-# Linking machine code takes about 0.05 s and compiling it, once, some seconds; it saves about 14 ns a step over NumPy.
-_STEPS_WORTH_COMPILING = 2e7
+# Compiling takes some seconds, once, and linking what was compiled 0.05 s; either saves about 14 ns a step over NumPy.
+# A short log must not wait for the compiler on its first run, so the bound is where NumPy costs about a second.
+_STEPS_WORTH_COMPILING = 6e7
 _IN_USE: set[str] = set()
 _FOREIGN = ("NRT_MemInfo_alloc", "NRT_Allocate", "numba_", "Py", "_Py")  # what object code cannot find without numba
 
