@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     FieldMaker = Callable[..., DistanceField]
     Mounts = Mapping[str, NDArray[np.float64]]
 
-# Measured, see docs/decisions/0004 and 0015.
+# Measured, see docs/decisions/0004 and 0013.
 LIDAR_TEMPERATURE = "auto"
 VISION_TEMPERATURE = 0.15
 _UPDATES_OF_A_STREAM = 1500  # nobody knows how long a stream will be
