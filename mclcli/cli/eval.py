@@ -54,14 +54,22 @@ _metres, _radians, _seconds, _number = (eval_options.quantity(unit) for unit in 
 )
 @click.option("--lost", metavar="M,ANGLE,S", help="An error above these, for so long.  [default: 1,30deg,2; 3 poses]")
 @click.option(
-    "--seed", type=click.IntRange(min=0, max=2**64 - 1), default=0, show_default=True, help="Seed of the bootstrap."
+    "--seed",
+    metavar="N",
+    type=click.IntRange(min=0, max=2**64 - 1),
+    default=0,
+    show_default=True,
+    help="Seed of the bootstrap.",
 )
 @click.option("--max-ape", metavar="M", callback=_metres, help="Exit 4 if the translation's RMSE is more.")
 @click.option("--max-yaw", metavar="ANGLE", callback=_radians, help="Exit 4 if the yaw's RMSE is more.")
 @click.option("--max-error", metavar="M", callback=_metres, help="Exit 4 if the largest translation error is more.")
 @click.option("--max-rpe", metavar="M", callback=_number, help="Exit 4 if the RMSE of the drift per metre is more.")
 @click.option(
-    "--max-losses", type=click.IntRange(min=0), help="Exit 4 if the robot was lost more often, or throughout."
+    "--max-losses",
+    metavar="N",
+    type=click.IntRange(min=0),
+    help="Exit 4 if the robot was lost more often, or throughout.",
 )
 @click.option("--max-convergence", metavar="S", callback=_seconds, help="Exit 4 if it converged later, or never.")
 @click.option("--max-anees", metavar="X", callback=_number, help="Exit 4 if the covariances are more overconfident.")

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     metavar="TIME",
     help="The message nearest to this time: seconds into the log, @SECONDS, 14:32:05 or ISO 8601.",
 )
-@click.option("--index", type=click.IntRange(min=0), help="The message of this number on its topic, from 0.")
+@click.option(
+    "--index", metavar="N", type=click.IntRange(min=0), help="The message of this number on its topic, from 0."
+)
 @click.option(
     "--format", "form", type=click.Choice(["yaml", "json"]), default="yaml", show_default=True, help="How to write it."
 )

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mclcli.io.diagnosis import Diagnosis
     from mclcli.io.recording import Recording
     from mclcli.io.roles import Roles
-    from mclcli.io.survey import TopicSurvey
+    from mclcli.io.survey import LogSurvey, TopicSurvey
 
 DAMAGED = 3
 
@@ -73,7 +73,7 @@ def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tup
         "frames": {frame: recording.found.frames.parent(frame) for frame in recording.found.frames.frames},
         "damage": [damage.describe(span[0] if span else None) for damage in recording.tally.damages],
         "problems": [*diagnosis.problems(span[0] if span else 0), *_loose(recording, parts, lidars)],
-        "run": _run_line(parts, logs),
+        "run": _run_line(recording.found, parts, logs),
     }
 
 
@@ -144,14 +144,17 @@ def _lidar(recording: Recording, parts: Roles, name: str) -> dict[str, Any]:
     }
 
 
-def _run_line(parts: Roles, logs: tuple[str, ...]) -> str:
+def _run_line(found: LogSurvey, parts: Roles, logs: tuple[str, ...]) -> str:
     """The command that runs this log, with everything said that has to be."""
+    from mclcli.io import roles
+
     words = ["mcl", "run", *logs]
     if not parts.map and parts.scan:
         words += ["--map", "MAP.yaml"]
     if parts.vision:
         words += ["--landmarks", "LANDMARKS.csv"]
-    words += ["--init", parts.truth or "X,Y,YAW", "--track", "track.csv", "--picture", "track.png"]
+    start = roles.initialpose(found) or parts.truth or "X,Y,YAW"
+    words += ["--init", start, "--track", "track.csv", "--picture", "track.png"]
     if parts.truth:
         words += ["--truth", parts.truth]
     return shlex.join(words)

@@ -53,7 +53,7 @@ def parse_region(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.argument("scan", metavar="SCAN")
 @click.option("--map", "map_file", required=True, type=click.Path(path_type=Path), help="Map, a map_server YAML.")
 @click.option("--at", metavar="TIME", help="Of a log: the scan nearest to this time.")
-@click.option("--index", type=click.IntRange(min=0), help="Of a log: the scan of this number, from 0.")
+@click.option("--index", metavar="N", type=click.IntRange(min=0), help="Of a log: the scan of this number, from 0.")
 @click.option("--every", metavar="S", help="Of a log: a scan every S seconds.")
 @click.option("--window", metavar="S", help="Of a log: join the scans of the S seconds up to the scan, by odometry.")
 @click.option("--scan-topic", metavar="TOPIC", help="Of a log: the topic of the scan.")
@@ -65,7 +65,9 @@ def parse_region(ctx: click.Context, param: click.Parameter, value: str | None) 
     help="Search within R of X,Y and within A of YAW (45deg if not given).",
 )
 @click.option("--region", metavar="X0,Y0,X1,Y1", callback=parse_region, help="Search in this box of the map.")
-@click.option("-k", "--number", type=click.IntRange(1, 32), default=5, show_default=True, help="Places to report.")
+@click.option(
+    "-k", "--number", metavar="N", type=click.IntRange(1, 32), default=5, show_default=True, help="Places to report."
+)
 @click.option(
     "--min-share",
     type=click.FloatRange(0.0, 1.0),

@@ -132,6 +132,7 @@ def _all(*options: Callable[[Command], Command]) -> Callable[[Command], Command]
 
 threads = click.option(
     "--threads",
+    metavar="N",
     type=click.IntRange(min=1),
     default=1,
     show_default=True,
@@ -142,7 +143,12 @@ map_file = click.argument("map_file", metavar="MAP", type=click.Path(path_type=P
 
 map_limits = _all(
     click.option(
-        "--max-cells", type=click.IntRange(min=1), default=64_000_000, show_default=True, help="Largest map to load."
+        "--max-cells",
+        metavar="N",
+        type=click.IntRange(min=1),
+        default=64_000_000,
+        show_default=True,
+        help="Largest map to load.",
     ),
     click.option("--allow-outside", is_flag=True, help="Let the YAML name an image outside its own folder."),
 )

@@ -55,6 +55,7 @@ DAMAGED = 3
 )
 @click.option(
     "--seed",
+    metavar="N",
     type=click.IntRange(min=0, max=2**64 - 1),
     default=0,
     show_default=True,

@@ -12,6 +12,7 @@ from mclcli.clock import parse_seconds, parse_time
 from mclcli.errors import InputError, UsageError
 from mclcli.filter.particles import DEFAULT_SPREAD
 from mclcli.filter.start import AlongPoses, AroundPose, Start
+from mclcli.io import roles
 from mclcli.quantity import parse_list, parse_quantity
 from mclcli.records import Odometry, StampedPose
 
@@ -82,12 +83,11 @@ def find_initialpose(recording: Recording) -> str:
         If the log has none.
 
     """
-    topics = recording.found.of_type("geometry_msgs/msg/PoseWithCovarianceStamped")
-    names = sorted(t.channel.topic for t in topics if t.channel.topic.rpartition("/")[2] == "initialpose")
-    if not names:
+    topic = roles.initialpose(recording.found)
+    if not topic:
         has = ", ".join(sorted(recording.found.topics)) or "none"
         raise UsageError(f"--follow-initialpose: the log has no topic named initialpose of stated poses; it has {has}")
-    return min(names, key=len)
+    return topic
 
 
 def read_offset(text: str | None) -> int:

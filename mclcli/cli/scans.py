@@ -120,7 +120,8 @@ def _scan_of_text(source: str, mounts: dict[str, NDArray[np.float64]]) -> Mounte
     from mclcli.io.scan_file import parse_scan, read_scan
 
     if source == "-":
-        scan, mount, base_frame = parse_scan(sys.stdin.buffer.read(), "standard input")
+        source = "standard input"
+        scan, mount, base_frame = parse_scan(sys.stdin.buffer.read(), source)
     else:
         scan, mount, base_frame = read_scan(Path(source))
     given = mounts.get(scan.frame_id, mounts.get(""))

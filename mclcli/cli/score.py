@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @click.argument("scan", metavar="SCAN")
 @click.option("--map", "map_file", required=True, type=click.Path(path_type=Path), help="Map, a map_server YAML.")
 @click.option("--at", metavar="TIME", help="Of a log: the scan nearest to this time.")
-@click.option("--index", type=click.IntRange(min=0), help="Of a log: the scan of this number, from 0.")
+@click.option("--index", metavar="N", type=click.IntRange(min=0), help="Of a log: the scan of this number, from 0.")
 @click.option("--scan-topic", metavar="TOPIC", help="Of a log: the topic of the scan.")
 @click.option(
     "--pose",
@@ -47,9 +47,17 @@ if TYPE_CHECKING:
     help="Standard deviations of the poses drawn.",
 )
 @click.option(
-    "-n", "--number", type=click.IntRange(min=1), default=1000, show_default=True, help="How many poses to draw."
+    "-n",
+    "--number",
+    metavar="N",
+    type=click.IntRange(min=1),
+    default=1000,
+    show_default=True,
+    help="How many poses to draw.",
 )
-@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the poses drawn.")
+@click.option(
+    "--seed", metavar="N", type=click.IntRange(min=0), default=0, show_default=True, help="Seed of the poses drawn."
+)
 @click.option(
     "--grid",
     "lattice",

@@ -95,6 +95,13 @@ def assign(found: LogSurvey, wishes: Wishes = Wishes()) -> Roles:
     )
 
 
+def initialpose(found: LogSurvey) -> str:
+    """Topic on which an operator told the robot where it was, empty if there is none; the shortest of several names."""
+    names = [topic.channel.topic for topic in found.of_type("geometry_msgs/msg/PoseWithCovarianceStamped")]
+    stated = sorted(name for name in names if name.rpartition("/")[2] == "initialpose")
+    return min(stated, key=len, default="")
+
+
 def is_truth(topic: str) -> bool:
     """Whether a topic is named like a reference: it is never used as odometry."""
     return bool(_TRUTH.search(topic))

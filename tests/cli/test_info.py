@@ -41,6 +41,7 @@ def test_samples_as_json(name: str, scans: int, beams: int, base: str) -> None:
     assert found["roles"]["odom_frame"] == "odom"
     assert found["start_utc"] == "2024-05-14T14:30:00.000+00:00"
     assert found["damage"] == []
+    assert "--init /initialpose " in found["run"]  # as the robot was told, rather than by the reference
 
 
 def test_the_mount_of_the_lidar() -> None:
