@@ -29,7 +29,8 @@ def figures(row: Row) -> Figures:
 def features(rows: list[Row]) -> np.ndarray:
     """A row per search: 1 and the clipped figures."""
     terms = calibration.TERMS
-    columns = [np.clip([float(row[term.figure]) for row in rows], term.low, term.high) for term in terms]
+    told = [figures(row) for row in rows]
+    columns = [np.clip([getattr(one, term.figure) for one in told], term.low, term.high) for term in terms]
     return np.column_stack([np.ones(len(rows)), *columns])
 
 
