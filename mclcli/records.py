@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -144,8 +146,9 @@ class StepRecord:
     ``sensors``. ``log_weights`` (N,) = log W_{t−1} + Σ α·ℓ; ``weights`` (N,) is its softmax.
     ``log_evidence`` = log Σ W_{t−1} e^{Σℓ}, untempered. ``beams_used`` counts beams and sightings scored.
     ``reliability`` in [0, 1]: about the share of beams that the map explains, see ``mclcli.filter.fit``.
-    ``hypotheses`` are the heaviest clusters, in falling order of weight; ``injected`` particles of the next step were
-    drawn anew. ``counts`` are beams and sightings scored per sensor; with temperature ``auto``, α·count is K_eff.
+    ``hypotheses`` finds the heaviest clusters, in falling order of weight, when somebody asks: that takes as long as
+    half a step. ``injected`` particles of the next step were drawn anew. ``counts`` are beams and sightings scored per
+    sensor; with temperature ``auto``, α·count is K_eff.
     """
 
     step: int
@@ -165,7 +168,7 @@ class StepRecord:
     segment: int
     converged: bool
     reliability: float
-    hypotheses: tuple[Hypothesis, ...] = ()
+    hypotheses: Callable[[], tuple[Hypothesis, ...]] = tuple
     injected: int = 0
     counts: tuple[int, ...] = ()
 

@@ -125,7 +125,7 @@ def test_driving_backwards_keeps_one_cluster() -> None:
     points, _ = replayed(events, localizer=localizer, start=AroundPose(np.array([2.0, 3.0, np.pi]), np.zeros((3, 3))))
     steps = [point.step for point in points if point.step]
     assert len(steps) > 10
-    assert min(step.hypotheses[0].weight for step in steps) > 0.9  # all but a few far-flung particles; nav2_amcl: 0.28
+    assert min(step.hypotheses()[0].weight for step in steps) > 0.9  # all but a few far-flung; nav2_amcl: 0.28
     assert {bool((step.poses[:, 2] < 0).any()) for step in steps[1:]} == {
         True
     }  # it lies on both sides of the half turn

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TYPE_CHECKING
 
@@ -13,11 +14,16 @@ from mclcli.records import Estimate, Hypothesis
 from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
+
+    FindHypotheses = Callable[[], tuple[Hypothesis, ...]]
 
 _CONVERGED_RADIUS = 0.5  # [m], as nav2_amcl's dist_threshold
 _CONVERGED_SHARE = 0.95  # nav2_amcl asks for all, which some drawn anew would always spoil
 _THINNED = 2000
+_LOWER = np.tril_indices(3)
 _WORTH_COMPILING = 20_000  # particles: a function of their number alone, since sums differ in the last bits
 
 
@@ -28,25 +34,29 @@ def stated(
     mean_of: str = "set",
     covariance_of: str = "set",
     most: int = 0,
-) -> tuple[Estimate, tuple[Hypothesis, ...]]:
-    """The estimate, and the heaviest clusters, at most so many.
+) -> tuple[Estimate, FindHypotheses]:
+    """The estimate, and what finds the heaviest clusters, at most so many, once somebody asks for them.
 
     Mean and covariance are each of the whole ``set`` or of its ``heaviest`` cluster; nav2_amcl takes one of each. Of a
     large set hypotheses are those of 2,000 of its particles: clusters of less weight are not worth stating.
     """
-    whole, heaviest = weighted_mean(poses, weights), "heaviest" in {mean_of, covariance_of}
-    if not most and not heaviest:
-        return whole, ()
-    thin = poses.shape[0] > _THINNED
-    found = clusters.find(poses, weights) if heaviest or not thin else _thinned(poses, weights)
+    whole = weighted_mean(poses, weights)
+    if "heaviest" not in {mean_of, covariance_of}:
+        return whole, functools.cache(lambda: _heaviest(_of_some(poses, weights), most) if most else ())
+    found = clusters.find(poses, weights)
     named = {"set": whole, "heaviest": found.heaviest}
-    estimate = Estimate(named[mean_of].pose, named[covariance_of].covariance)
+    return Estimate(named[mean_of].pose, named[covariance_of].covariance), lambda: _heaviest(found, most)
+
+
+def _heaviest(found: clusters.Clusters, most: int) -> tuple[Hypothesis, ...]:
     places = zip(found.weights[:most].tolist(), found.means, found.covariances, strict=False)
-    return estimate, tuple(Hypothesis(weight, Estimate(mean, spread)) for weight, mean, spread in places)
+    return tuple(Hypothesis(weight, Estimate(mean, spread)) for weight, mean, spread in places)
 
 
-def _thinned(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> clusters.Clusters:
-    """Clusters of an even choice of particles that weigh the same."""
+def _of_some(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> clusters.Clusters:
+    """Clusters of all particles, or of an even choice that weigh the same."""
+    if weights.size <= _THINNED:
+        return clusters.find(poses, weights)
     pointers = (np.arange(_THINNED) + 0.5) / _THINNED
     chosen = np.minimum(np.searchsorted(np.cumsum(weights), pointers), weights.size - 1)
     return clusters.find(poses[chosen], np.full(_THINNED, 1.0 / _THINNED))
@@ -59,10 +69,11 @@ def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> E
     """
     if poses.shape[0] >= _WORTH_COMPILING:
         return _weighted_mean_compiled(poses, weights)
-    x, y, yaw = np.ascontiguousarray(poses.T)
-    c, s = cos_sin(yaw)
-    mean = np.array([np.sum(weights * x), np.sum(weights * y), math.atan2(np.sum(weights * s), np.sum(weights * c))])
-    residual = np.stack([x - mean[0], y - mean[1], se2.wrap(yaw - mean[2])])
+    columns = np.ascontiguousarray(poses.T)
+    x, y, c, s = (weights * np.array([columns[0], columns[1], *cos_sin(columns[2])])).sum(axis=1).tolist()
+    mean = np.array([x, y, math.atan2(s, c)])
+    residual = columns - mean[:, np.newaxis]
+    residual[2] = se2.wrap(residual[2])
     return Estimate(mean, _covariance(residual, weights))
 
 
@@ -78,11 +89,9 @@ def _weighted_mean_compiled(poses: NDArray[np.float64], weights: NDArray[np.floa
 
 def _covariance(residual: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Σ W r rᵀ of r (3, N) by fixed-order sums: BLAS may order them by the number of its threads."""
+    one, other = _LOWER
     covariance = np.empty((3, 3))
-    for i in range(3):
-        weighted = weights * residual[i]
-        for j in range(i + 1):
-            covariance[i, j] = covariance[j, i] = np.sum(weighted * residual[j])
+    covariance[one, other] = covariance[other, one] = ((weights * residual)[one] * residual[other]).sum(axis=1)
     return covariance
 
 

@@ -13,13 +13,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from mclcli.filter import weights
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
-
-    import numpy as np
-    from numpy.typing import NDArray
 
     from mclcli.sensors import Measurement
 
@@ -33,13 +28,11 @@ def of_all(measurements: Sequence[Measurement], log_evidence: float) -> float:
     return _fit(log_evidence, sum(m.log_floor for m in counted), sum(m.log_peak for m in counted)) if counted else 0.0
 
 
-def of_each(
-    measurements: Sequence[Measurement], log_weights: NDArray[np.float64], log_likelihoods: NDArray[np.float64]
-) -> list[float]:
-    """Fit of every sensor alone (S,), with log W_{t−1} (N,) and log-likelihoods (S, N); 1 where nothing was scored."""
+def of_each(measurements: Sequence[Measurement], log_evidences: Sequence[float]) -> list[float]:
+    """Fit of every sensor alone (S,), log Σ W_{t−1} e^ℓ of each given; 1 where nothing was scored."""
     return [
-        _fit(weights.log_sum_exp(log_weights + row), m.log_floor, m.log_peak) if m.count else 1.0
-        for m, row in zip(measurements, log_likelihoods, strict=True)
+        _fit(log_evidence, m.log_floor, m.log_peak) if m.count else 1.0
+        for m, log_evidence in zip(measurements, log_evidences, strict=True)
     ]
 
 

@@ -58,9 +58,10 @@ class Localizer:
         """
         poses = self._propagate(state, increment)
         log_likelihoods = scoring.score(measurements, poses)
-        alphas = self._temper(state, measurements, log_likelihoods)
+        log_evidence, evidences = scoring.evidences(state.log_weights, log_likelihoods)
+        alphas = self._temper(state, measurements, log_likelihoods, evidences)
         log_weights, degenerate = self._reweight(state.log_weights, scoring.temper(alphas, log_likelihoods))
-        record = self._record(state, poses, measurements, log_likelihoods, log_weights)
+        record = self._record(state, poses, measurements, log_likelihoods, log_weights, log_evidence)
         record = dataclasses.replace(record, stamp_ns=stamp_ns, segment=segment, alphas=alphas, degenerate=degenerate)
         averages = self._observe(state.averages, record)
         record = self._decide(record, policies.add_way(state.way, increment), averages if propose else None)
@@ -83,11 +84,15 @@ class Localizer:
         return self.motion.sample(state.poses, increment, draws.standard_normal(state.poses.shape))
 
     def _temper(
-        self, state: FilterState, measurements: Sequence[Measurement], log_likelihoods: NDArray[np.float64]
+        self,
+        state: FilterState,
+        measurements: Sequence[Measurement],
+        log_likelihoods: NDArray[np.float64],
+        evidences: Sequence[float],
     ) -> tuple[float, ...]:
         """α of every sensor, from what is known before this update."""
         p = self.parameters
-        fits = fit.of_each(measurements, state.log_weights, log_likelihoods)
+        fits = fit.of_each(measurements, evidences)
         trusted = (p.fit_ignored, p.fit_trusted)
         return temperature.resolve(
             measurements, log_likelihoods, state.log_weights, state.correlations, p.ess_target, fits, trusted
@@ -109,10 +114,10 @@ class Localizer:
         measurements: Sequence[Measurement],
         log_likelihoods: NDArray[np.float64],
         log_weights: NDArray[np.float64],
+        log_evidence: float,
     ) -> StepRecord:
         """Everything that the weights say; the step fills in the rest."""
         normalised = weights.normalise(log_weights)
-        log_evidence = weights.log_sum_exp(state.log_weights + log_likelihoods.sum(axis=0))
         return StepRecord(
             step=state.step,
             stamp_ns=0,

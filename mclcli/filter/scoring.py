@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from mclcli.filter import weights
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -17,6 +19,12 @@ if TYPE_CHECKING:
 def score(measurements: Sequence[Measurement], poses: NDArray[np.float64]) -> NDArray[np.float64]:
     """Untempered log-likelihoods (S, N) of poses (N, 3), a row per measurement."""
     return np.array([m.log_likelihood(poses) for m in measurements]).reshape(-1, poses.shape[0])
+
+
+def evidences(log_weights: NDArray[np.float64], log_likelihoods: NDArray[np.float64]) -> tuple[float, list[float]]:
+    """log Σ W e^{Σℓ} of all sensors together, and log Σ W e^ℓ of each, for log W (N,) and log-likelihoods (S, N)."""
+    each = [weights.log_sum_exp(log_weights + row) for row in log_likelihoods]
+    return each[0] if len(each) == 1 else weights.log_sum_exp(log_weights + log_likelihoods.sum(axis=0)), each
 
 
 def temper(alphas: Sequence[float], log_likelihoods: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -25,6 +25,7 @@ _AUTO_BOUNDS = (0.05, 1.0)
 _AUTO_START = 0.5  # before anything was measured
 _AUTO_MEMORY = 0.1  # share of the newest scan in the running average: about the last ten count
 _MAX_LAG = 60
+_LAGS = np.arange(_MAX_LAG + 1)[:, np.newaxis]
 _ESS_LOWEST = 0.02
 _BISECTIONS = 40
 
@@ -51,7 +52,8 @@ class Correlation:
         rho = self.covariances[1:] / self.covariances[0]
         ends = np.flatnonzero(rho <= 0.0)
         total = float(rho[: ends[0] if ends.size else rho.size].sum())
-        return float(np.clip(1.0 / (1.0 + 2.0 * total), *_AUTO_BOUNDS))
+        lowest, highest = _AUTO_BOUNDS
+        return min(highest, max(lowest, 1.0 / (1.0 + 2.0 * total)))
 
 
 def correlate(each: NDArray[np.float64], before: Correlation | None = None) -> Correlation:
@@ -59,9 +61,9 @@ def correlate(each: NDArray[np.float64], before: Correlation | None = None) -> C
     own = float(each.mean())
     mean = own if before is None else (1.0 - _AUTO_MEMORY) * before.mean + _AUTO_MEMORY * own
     centred = each - mean
-    covariances = np.zeros(_MAX_LAG + 1)
-    for lag in range(min(centred.size, _MAX_LAG + 1)):
-        covariances[lag] = np.sum(centred[lag:] * centred[: centred.size - lag]) / centred.size
+    beams = np.arange(centred.size)
+    shifted = np.concatenate([centred, np.zeros(_MAX_LAG)])[_LAGS + beams]  # (lags, K), zero beyond the last beam
+    covariances = (shifted * centred).sum(axis=1) / centred.size  # no BLAS, whose sums depend on its threads
     if before is not None:
         covariances = (1.0 - _AUTO_MEMORY) * before.covariances + _AUTO_MEMORY * covariances
     return Correlation(mean, covariances)

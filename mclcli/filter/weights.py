@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,24 +13,24 @@ if TYPE_CHECKING:
 
 def log_sum_exp(values: NDArray[np.float64]) -> float:
     """log Σ e^v without overflow; −inf for all −inf. NaN and +inf pass through."""
-    peak = float(np.max(values))
-    if not np.isfinite(peak):
+    peak = float(values.max())
+    if not math.isfinite(peak):
         return peak
-    return peak + float(np.log(np.sum(np.exp(values - peak))))
+    return peak + float(np.log(np.exp(values - peak).sum()))
 
 
 def normalise(log_weights: NDArray[np.float64]) -> NDArray[np.float64]:
     """Weights (N,) proportional to e^log_weights, summing to 1 ± 1e-12; they must be ``usable``."""
-    weights: NDArray[np.float64] = np.exp(log_weights - np.max(log_weights))
-    weights /= np.sum(weights)
+    weights: NDArray[np.float64] = np.exp(log_weights - log_weights.max())
+    weights /= weights.sum()
     return weights
 
 
 def usable(log_weights: NDArray[np.float64]) -> bool:
     """Whether weights can be normalised: no NaN, no +inf, not all −inf."""
-    return bool(np.isfinite(np.max(log_weights)))  # the maximum of an array with a NaN is NaN
+    return math.isfinite(log_weights.max())  # the maximum of an array with a NaN is NaN
 
 
 def effective_sample_size(weights: NDArray[np.float64]) -> float:
     """1 / ΣW², between 1 and N. Source: Kong, Liu, Wong 1994."""
-    return 1.0 / float(np.sum(weights * weights))
+    return 1.0 / float((weights * weights).sum())

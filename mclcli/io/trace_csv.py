@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.io.writers import TextSink
-    from mclcli.records import StepRecord
+    from mclcli.records import Hypothesis, StepRecord
 
 _ROWS = 4096  # formatted at once: bounds the memory that a million particles take
 HYPOTHESES = 2  # clusters with columns of their own
@@ -110,6 +110,7 @@ class StepsCsv:
         sensors = self._start(record.sensors)
         _require_columns(sensors, record)
         x, y, yaw = record.estimate.pose.tolist()
+        found = record.hypotheses()
         fields = [
             f"{record.step},{stamp_text(record.stamp_ns)},{len(record.poses)},{record.ess:.9g}",
             f"{record.log_evidence:.9f}",
@@ -117,7 +118,7 @@ class StepsCsv:
             f"{record.resampled:d},{record.degenerate:d},{record.beams_used},{x:.9f},{y:.9f},{yaw:.9f}",
             covariance_text(record.estimate.covariance),
             f"{record.segment},{record.converged:d},{record.reliability:.9g},{record.injected}",
-            *(_hypothesis_text(record, number) for number in range(HYPOTHESES)),
+            *(_hypothesis_text(found, number) for number in range(HYPOTHESES)),
             *(str(counts.get(name, "")) for name in sensors),
         ]
         self._stream.write(_without_unusable(",".join(fields)) + "\n")
@@ -141,8 +142,7 @@ class StepsCsv:
         return self._sensors
 
 
-def _hypothesis_text(record: StepRecord, number: int) -> str:
-    found = record.hypotheses
+def _hypothesis_text(found: Sequence[Hypothesis], number: int) -> str:
     if number >= len(found):
         return ",,,"
     hypothesis = found[number]

@@ -136,8 +136,9 @@ class TraceMcap:
         require_finite("covariance", record.estimate.covariance)
         stamp, frame = record.stamp_ns, self._map
         poses = messages.rounded_poses(record.poses)
-        places = messages.planar_poses(np.array([h.estimate.pose for h in record.hypotheses]).reshape(-1, 3))
-        shares = np.array([h.weight for h in record.hypotheses])
+        found = record.hypotheses()
+        places = messages.planar_poses(np.array([h.estimate.pose for h in found]).reshape(-1, 3))
+        shares = np.array([h.weight for h in found])
         return [
             ("/amcl_pose", messages.pose_with_covariance(stamp, frame, record.estimate)),
             ("/mcl/step", messages.step(record, frame)),

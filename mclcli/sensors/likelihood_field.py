@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli import compiled
 from mclcli.parameters import parameter, validate
 from mclcli.sensors import Measurement, endpoints, floored_log
 from mclcli.sensors.beam_skipping import BeamSkipping, kept_beams
@@ -167,7 +168,13 @@ class LikelihoodField:
         return endpoints.distances(self.field, beams.endpoints, poses, bilinear=bilinear, anchoring=self._anchoring)
 
     def each(self, beams: Beams, pose: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Log-likelihood (B,) of each beam alone at one pose (3,)."""
+        """Log-likelihood (B,) of each beam alone at one pose (3,).
+
+        A large job looks it up as it does its sums, to the same bits; a small one does so for all beams at once.
+        """
+        nearest = self.parameters.field_lookup == "nearest"
+        if nearest and not self._cubes and compiled.worth_compiling(self.job_size):
+            return self.table(beams.r_max)[self._look_up(beams, pose[np.newaxis])[:, 0]]
         likelihood = self.likelihood(self.distances(beams, pose[np.newaxis]), beams.r_max)
         return floored_log(likelihood[0], FLOOR)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mclcli import profiles
 from mclcli.assemble import lidar_model
-from mclcli.filter import fit, temperature
+from mclcli.filter import fit, scoring, temperature
 from mclcli.sensors import Measurement
 from mclcli.sensors.beams import Beams
 from mclcli.world import distance_field
@@ -28,7 +28,8 @@ def saying(*values: float, floor: float = -10.0, alpha: float | str = "auto", co
 
 def each(measurement: Measurement, weights: list[float]) -> float:
     logs = measurement.log_likelihood(np.zeros((len(weights), 3)))[np.newaxis]
-    return fit.of_each([measurement], np.log(weights), logs)[0]
+    _, evidences = scoring.evidences(np.log(weights), logs)
+    return fit.of_each([measurement], evidences)[0]
 
 
 def test_a_fit_lies_between_nothing_and_everything() -> None:

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli import rng
+from mclcli.filter import scoring
 from mclcli.filter.kld import KldParameters
 from mclcli.filter.localizer import Localizer
 from mclcli.filter.parameters import FilterParameters
@@ -81,6 +82,13 @@ def test_weights_sum_to_one_after_every_step(seed: int, alpha: float, resampler:
 def test_evidence_is_the_untempered_mean_likelihood() -> None:
     _, record = localizer().step(around_zero(), AHEAD, [sensor(near_one, 0.1)], 0)
     assert record.log_evidence == pytest.approx(math.log(np.mean(np.exp(near_one(record.poses)))))
+
+
+def test_evidence_of_several_sensors_is_that_of_their_product() -> None:
+    carried, logs = np.log([0.25, 0.75]), np.log([[0.5, 0.2], [0.1, 0.4]])
+    together, each = scoring.evidences(carried, logs)
+    assert np.exp(each) == pytest.approx([0.275, 0.325])
+    assert np.exp(together) == pytest.approx(0.25 * 0.05 + 0.75 * 0.08)
 
 
 def test_temperature_leaves_the_carried_weight_alone() -> None:

@@ -78,6 +78,14 @@ def test_auto_finds_the_effective_number_of_beams(rho: float) -> None:
     assert np.median(alphas[20:]) == pytest.approx((1 - rho) / (1 + rho), rel=0.15)
 
 
+@pytest.mark.parametrize("size", [1, 2, 60, 61, 62, 300])
+def test_autocovariances_are_their_formula(size: int) -> None:
+    values = GENERATOR.standard_normal(size)
+    mean = sum(values) / size
+    expected = [sum((values[i] - mean) * (values[i + k] - mean) for i in range(size - k)) / size for k in range(61)]
+    np.testing.assert_allclose(correlate(values).covariances, expected, rtol=0, atol=1e-14)
+
+
 def test_auto_is_bounded_and_starts_in_the_middle() -> None:
     assert Correlation(0.0, np.zeros(61)).alpha == 0.5
     assert correlate(np.repeat(GENERATOR.standard_normal(2), 200)).alpha == 0.05

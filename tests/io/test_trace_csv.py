@@ -119,8 +119,8 @@ def test_steps_state_the_two_heaviest_clusters() -> None:
     stream = io.StringIO()
     places = [Hypothesis(w, Estimate(np.array([w, -w, 2 * w]), np.eye(3))) for w in (0.5, 0.375, 0.125)]
     writer = StepsCsv(stream)
-    writer.write(record(hypotheses=tuple(places), injected=7))
-    writer.write(record(hypotheses=tuple(places[:1])))
+    writer.write(record(hypotheses=lambda: tuple(places), injected=7))
+    writer.write(record(hypotheses=lambda: tuple(places[:1])))
     first, second = csv.DictReader(stream.getvalue().splitlines())
     assert first["injected"] == "7"
     assert [first[f"{name}_2"] for name in ("weight", "x", "y", "yaw")] == [

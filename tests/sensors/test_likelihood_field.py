@@ -89,6 +89,17 @@ def test_both_paths_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch, code: type
     assert measurement.log_likelihood(POSES).tobytes() == by_numpy.tobytes()
 
 
+def test_single_beams_are_worth_the_same_bits_on_both_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = []
+    for always in (False, True):
+        use_compiled(monkeypatch, always=always)
+        selected = beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY)
+        each = model_over(grid_of(ROOM, RESOLUTION, ORIGIN)).measure("lidar", selected).each
+        assert each is not None
+        found.append(np.array([each(pose) for pose in POSES]).tobytes())
+    assert found[0] == found[1]
+
+
 @pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
 def test_threads_and_blocks_change_no_bit(monkeypatch: pytest.MonkeyPatch, *, always: bool) -> None:
     use_compiled(monkeypatch, always=always)
