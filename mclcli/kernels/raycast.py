@@ -14,7 +14,6 @@ import numba as nb
 from mclcli.kernels import OPTIONS
 
 _FAR = 255  # the largest side a table of squares can hold
-_BEYOND = 1 / 256  # how far beyond an open square the approximate walk looks; stated in world/raycast.py
 
 
 def _signature(cells: nb.types.Type, dimensions: int, *options: nb.types.Type) -> object:
@@ -112,52 +111,6 @@ def exact(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
                         break
                     column, row = beyond_x, beyond_y
                 side = nb.int64(table[row, column])
-            left_map = side == 0 and not (1 <= column <= width and 1 <= row <= height)
-            out[n, b] = limit if left_map else min(skipped + r, limit)
-
-
-_FLAT = nb.types.Array(nb.uint8, 1, "C", readonly=True)
-_ROWS = nb.types.Array(nb.float64, 2, "C", readonly=True)
-
-
-@nb.njit([nb.void(_FLAT, nb.int64, nb.int64, _ROWS, _ROWS, nb.float64, nb.float64[:, ::1])], **OPTIONS)
-def approximate(flat, height, width, poses, rays, limit, out):  # type: ignore[no-untyped-def]
-    """From open square to open square, looking only a little beyond each: shorter cuts through a corner are missed.
-
-    Where that is past a corner between two blocked cells, it stops, so walls that hold together by corners hold.
-    ``flat`` holds the open squares (4, H + 2, W + 2) of a map of ``height`` H and ``width`` W, one after another.
-    """
-    pitch = width + 2
-    for n in range(poses.shape[0]):
-        base_x, base_y, c, s = poses[n, 0] + 1.0, poses[n, 1] + 1.0, poses[n, 2], poses[n, 3]
-        for b in range(rays.shape[0]):
-            x, y = base_x + (c * rays[b, 0] - s * rays[b, 1]), base_y + (s * rays[b, 0] + c * rays[b, 1])
-            dx, dy = _clean(c * rays[b, 2] - s * rays[b, 3], 1e-9), _clean(s * rays[b, 2] + c * rays[b, 3], 1e-9)
-            skipped = 0.0
-            if not (1.0 <= x < width + 1.0 and 1.0 <= y < height + 1.0):
-                skipped = _first_on_map(x, y, dx, dy, width, height)
-                if not skipped < limit:
-                    out[n, b] = limit if skipped >= limit else math.nan
-                    continue
-                x, y = min(max(x + skipped * dx, 1.0), width + 1.0), min(max(y + skipped * dy, 1.0), height + 1.0)
-            right, up = 1 if dx >= 0.0 else -1, 1 if dy >= 0.0 else -1
-            inverse_x, inverse_y = 1.0 / dx if dx != 0.0 else math.inf, 1.0 / dy if dy != 0.0 else math.inf
-            near_x, near_y = x - (right < 0), y - (up < 0)
-            table = ((1 if right > 0 else 0) + (2 if up > 0 else 0)) * pitch * (height + 2)
-            column, row = min(nb.int64(x), width), min(nb.int64(y), height)
-            r, looked, side = 0.0, 0.0, nb.int64(flat[table + row * pitch + column])
-            while side > 0:
-                beyond_x, beyond_y = column + right * side, row + up * side
-                r = max(min((beyond_x - near_x) * inverse_x, (beyond_y - near_y) * inverse_y), looked)
-                if not skipped + r < limit:
-                    break
-                looked = r + _BEYOND
-                column, row = nb.int64(x + looked * dx), nb.int64(y + looked * dy)
-                cell = table + row * pitch + column
-                side = nb.int64(flat[cell])
-                at_corner = (side > 0) & (column == beyond_x) & (row == beyond_y)
-                if at_corner and flat[cell - up * pitch] == 0 and flat[cell - right] == 0:
-                    break
             left_map = side == 0 and not (1 <= column <= width and 1 <= row <= height)
             out[n, b] = limit if left_map else min(skipped + r, limit)
 

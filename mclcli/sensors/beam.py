@@ -18,12 +18,15 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli import compiled
 from mclcli.errors import UsageError
 from mclcli.parameters import parameter, validate
 from mclcli.sensors import Measurement, beam_forms, endpoints, floored_log
 from mclcli.world.raycast import CAST_METHODS
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from numpy.typing import NDArray
 
     from mclcli.sensors.beam_forms import Components
@@ -129,6 +132,25 @@ class BeamModel:
     def _likelihood(self, r: NDArray[np.float64], r_star: NDArray[np.float64], r_max: float) -> NDArray[np.float64]:
         return self.components(r, r_star, r_max).total()
 
+    def likelihood_of_many(self, beams: Beams) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+        """p(r | r*) of expected ranges (N, B), which may be overwritten; rounded otherwise than ``_likelihood``.
+
+        Casting rays has brought compiled code into this process, so the mixture of such ranges is always compiled.
+        """
+        p, r_max, half_cell = self.parameters, beams.r_max, 0.5 * self.caster.resolution
+        if p.beam_form != "textbook":
+            return lambda expected: self._likelihood(beams.ranges, expected, r_max)
+        table, rate = beam_forms.textbook_terms(p, beams.ranges, r_max)
+        unseen = np.flatnonzero(beams.ranges >= r_max) if self._censored else np.empty(0, np.intp)
+        kernel = compiled.load("beam_mixture").textbook
+
+        def likelihood(expected: NDArray[np.float64]) -> NDArray[np.float64]:
+            weights, scratch = (p.z_hit, p.z_short, p.z_max), np.empty((2, expected.shape[1]))
+            kernel(table, unseen, r_max, half_cell, p.sigma_hit, rate, *weights, expected, scratch)
+            return expected
+
+        return likelihood
+
     def _combine(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
         return beam_forms.COMBINATIONS[self.parameters.combination](likelihood)
 
@@ -141,11 +163,12 @@ class BeamModel:
         """Log-likelihood (N,) of poses (N, 3) of the base in map; NaN where a pose is not finite."""
         out = np.empty(poses.shape[0])
         size = max(1, endpoints.PAIRS // max(1, beams.ranges.size))
+        likelihood = self.likelihood_of_many(beams)
 
         def score_block(start: int) -> None:
             block = slice(start, start + size)
             expected = self.expected(beams, poses[block])
-            out[block] = self._combine(self._likelihood(beams.ranges, expected, beams.r_max))
+            out[block] = self._combine(likelihood(expected))
 
         endpoints.for_each(score_block, range(0, poses.shape[0], size), self.threads)
         return out

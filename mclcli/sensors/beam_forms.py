@@ -73,6 +73,16 @@ def textbook(p: BeamParameters, r: Array, r_star: Array, r_max: float, half_cell
     return Components(hit, short, np.broadcast_to(np.where(nothing, p.z_max, 0.0), hit.shape), rand)
 
 
+def textbook_terms(p: BeamParameters, r: Array, r_max: float) -> tuple[Array, float]:
+    """What of ``textbook`` does not depend on r*, (5, B), and λ, for the kernel ``beam_mixture``, which see."""
+    there, nothing, seen = r >= 0.0, r >= r_max, np.minimum(r, r_max)
+    rate = p.lambda_short if p.lambda_short * r_max >= 1e-12 else 0.0  # 0 stands for the limit 1/r*
+    decay = rate * np.exp(-rate * np.maximum(seen, 0.0)) if rate > 0.0 else np.ones(r.shape)
+    always = np.where(there, p.z_rand / r_max, 0.0) + np.where(nothing, p.z_max, 0.0)
+    bound = np.where(nothing, np.nextafter(r_max, 0.0), seen)  # only r* = r_max is beyond it
+    return np.stack([seen, there.astype(np.float64), np.where(there, p.z_short * decay, 0.0), bound, always]), rate
+
+
 def _hit_density(r: Array, r_star: Array, sigma: float, r_max: float) -> Array:
     """N(r; r*, σ²) / (Φ((r_max − r*)/σ) − Φ(−r*/σ)), the difference as a sum: nothing cancels, however large σ is."""
     from scipy.special import erf

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mclcli.world.occupancy import OccupancyGrid
 
 CAST_METHODS: Final = ("exact", "approximate", "bresenham_nav2", "bresenham_beluga")
+_LANES: Final = 128  # rays that the approximate kernel casts together
 
 
 @final
@@ -81,20 +82,23 @@ class RayCaster:
         self._cast(self._to_cells(poses), rays, limit, out)
         nothing = out == limit
         out *= self.resolution
-        out[nothing] = max_range
+        np.copyto(out, max_range, where=nothing)
         return out if self.method == "bresenham_nav2" else np.minimum(out, max_range, out=out)
 
     def _cast(
         self, poses: NDArray[np.float64], rays: NDArray[np.float64], limit: float, out: NDArray[np.float64]
     ) -> None:
-        kernels = compiled.load("raycast")
         if self.method == "exact":
-            kernels.exact(self.table, poses, rays, limit, out)
+            compiled.load("raycast").exact(self.table, poses, rays, limit, out)
         elif self.method == "approximate":
             height, width = (side - 2 for side in self.table.shape[1:])
-            kernels.approximate(self.table.ravel(), height, width, poses, rays, limit, out)
+            scratch = np.empty(15 * _LANES), np.empty(_LANES + 1)
+            columns = np.ascontiguousarray(rays.T)
+            approximate = compiled.load("raycast_in_step").approximate
+            approximate(self.table.ravel(), height, width, poses, columns, limit, out.reshape(-1), *scratch)
         else:
-            kernels.bresenham(self.table, poses, rays, limit, self.method == "bresenham_nav2", out)
+            bresenham = compiled.load("raycast").bresenham
+            bresenham(self.table, poses, rays, limit, self.method == "bresenham_nav2", out)
 
     def _to_cells(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
         """Column, row [cells, continuous], cosine and sine of the yaw (N, 4), in the frame of the map's cells."""

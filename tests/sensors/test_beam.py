@@ -89,6 +89,25 @@ def test_every_value_agrees_with_the_definition(
     assert float(m.log_p(np.array([r]), np.array([r_star]), R_MAX)[0]) == pytest.approx(math.log(max(expected, FLOOR)))
 
 
+@given(
+    seen=st.lists(st.one_of(readings, st.floats(-5.0, 0.0)), min_size=1, max_size=19),
+    expected=st.lists(st.one_of(ranges, st.just(math.nan)), min_size=1, max_size=3),
+    sigma=sigmas,
+    rate=rates,
+    no_return=st.sampled_from(["mixture", "censored"]),
+)
+def test_the_compiled_mixture_is_the_formula(
+    seen: list[float], expected: list[float], sigma: float, rate: float, no_return: str
+) -> None:
+    m, r = model(sigma, rate, no_return=no_return), np.array(seen)
+    r_star = np.resize(np.array(expected), (4, r.size))
+    by_numpy = m.components(r, r_star, R_MAX).total()
+    compiled = m.likelihood_of_many(Beams(np.zeros((r.size, 2)), np.zeros((r.size, 2)), r, R_MAX))(r_star.copy())
+    nowhere = np.isnan(r_star)
+    assert np.isnan(compiled[nowhere]).all()
+    np.testing.assert_allclose(compiled[~nowhere], by_numpy[~nowhere], rtol=1e-12, atol=1e-290)
+
+
 @pytest.mark.parametrize("sigma", [0.05, 0.5])
 def test_the_hit_component_is_the_truncated_gaussian_of_scipys_error_function(sigma: float) -> None:
     r = np.linspace(0.0, 7.99, 50)[:, np.newaxis]

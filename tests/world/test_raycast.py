@@ -108,6 +108,23 @@ def test_both_walks_agree_on_walls() -> None:
 
 
 @pytest.mark.parametrize("method", WALKS)
+@pytest.mark.parametrize("count", [1, 7, 60, 128, 300])
+def test_rays_cast_together_are_those_cast_alone(method: str, count: int) -> None:
+    generator = np.random.default_rng(count)
+    caster = make_caster(grid_of(generator.random((50, 70)) < 0.03), method=method)
+    poses = np.column_stack([generator.uniform(-9, 79, (9, 2)), generator.uniform(-4, 4, 9)])  # some off the map
+    poses[4, 1] = math.nan
+    yaw = generator.uniform(-4, 4, count)
+    origins, directions = generator.uniform(-2, 2, (count, 2)), np.column_stack([np.cos(yaw), np.sin(yaw)])
+    together = caster.ranges(poses, origins, directions, 30.0)
+    for b in range(count):
+        alone = caster.ranges(poses, origins[b : b + 1], directions[b : b + 1], 30.0)[:, 0]
+        np.testing.assert_array_equal(together[:, b], alone)
+    assert np.isnan(together[4]).all()
+    assert np.isfinite(np.delete(together, 4, axis=0)).all()
+
+
+@pytest.mark.parametrize("method", WALKS)
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_no_ray_gets_through_a_diagonal_wall(method: str, *, mirrored: bool) -> None:
     wall = np.eye(40, dtype=bool)
