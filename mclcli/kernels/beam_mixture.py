@@ -75,7 +75,8 @@ def textbook(  # type: ignore[no-untyped-def]
             if row[b] >= r_max:
                 hits[b] /= share_at_max
             elif row[b] < low or row[b] > high:
-                hits[b] /= 0.5 * (math.erf((r_max - row[b]) / deviation) + math.erf(row[b] / deviation))
+                to_max = math.erf((r_max - row[b]) / deviation) if row[b] > high else 1.0
+                hits[b] /= 0.5 * (to_max + (math.erf(row[b] / deviation) if row[b] < low else 1.0))
         for k in range(unseen.size):
             b = unseen[k]
             hits[b] = z_hit * 0.5 * math.erfc((r_max - row[b]) / deviation)

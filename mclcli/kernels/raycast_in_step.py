@@ -35,8 +35,6 @@ def _start(pose, rays, first, count, lanes, at, width, height):  # type: ignore[
         dx, dy = c * along[i] - s * across[i], s * along[i] + c * across[i]
         dx, dy = dx if abs(dx) > 1e-9 else 0.0, dy if abs(dy) > 1e-9 else 0.0
         to[_X + i], to[_Y + i], to[_DX + i], to[_DY + i], to[_SKIPPED + i] = x, y, dx, dy, 0.0
-        to[_INVERSE_X + i] = 1.0 / dx if dx != 0.0 else math.inf
-        to[_INVERSE_Y + i] = 1.0 / dy if dy != 0.0 else math.inf
         outside += not ((x >= 1.0) & (x < right) & (y >= 1.0) & (y < top))
     return outside
 
@@ -58,9 +56,11 @@ def _enter(lanes, size, limit, width, height):  # type: ignore[no-untyped-def]
 def _begin(lanes, size, limit, width, height):  # type: ignore[no-untyped-def]
     """Cells where the rays begin, and their ranges if those are blocked or off the map."""
     for i in range(size):
-        column, row = np.floor(lanes[_X + i]), np.floor(lanes[_Y + i])
+        dx, dy, column, row = lanes[_DX + i], lanes[_DY + i], np.floor(lanes[_X + i]), np.floor(lanes[_Y + i])
+        lanes[_INVERSE_X + i] = 1.0 / dx if dx != 0.0 else math.inf
+        lanes[_INVERSE_Y + i] = 1.0 / dy if dy != 0.0 else math.inf
         cells = (width + 2.0) * (height + 2.0)
-        table = (cells if lanes[_DX + i] >= 0.0 else 0.0) + (2.0 * cells if lanes[_DY + i] >= 0.0 else 0.0)
+        table = (cells if dx >= 0.0 else 0.0) + (2.0 * cells if dy >= 0.0 else 0.0)
         lanes[_LOOKED + i], lanes[_COLUMN + i], lanes[_ROW + i], lanes[_INDEX + i] = 0.0, column, row, i
         lanes[_CELL + i] = table + row * (width + 2.0) + column
         on_map = (column >= 1.0) & (column <= width) & (row >= 1.0) & (row <= height)

@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
 
-from mclcli.sensors import floored_log
-
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -125,7 +123,8 @@ def beluga(p: BeamParameters, r: Array, r_star: Array, r_max: float, half_cell: 
 
 def sum_of_logs(likelihood: Array) -> Array:
     """Σ log max(p, 1e-12) over the last axis."""
-    return np.asarray(floored_log(likelihood, FLOOR).sum(axis=-1))
+    floored = np.maximum(likelihood, FLOOR)
+    return np.asarray(np.log(floored, out=floored).sum(axis=-1))
 
 
 def one_plus_cubes(likelihood: Array) -> Array:
