@@ -102,12 +102,29 @@ def one_round() -> list[dict[str, bytearray]]:
     ]
 
 
+class _Counted:
+    """Knows where it is, as the library asks; a pipe does not."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file, self._at = file, 0
+
+    def write(self, data: bytes) -> int:
+        self._at += len(data)
+        return self._file.write(data)
+
+    def tell(self) -> int:
+        return self._at
+
+    def flush(self) -> None:
+        self._file.flush()
+
+
 def write(file: BinaryIO, scans: int) -> None:
     """Write the log of so many scans."""
     from rosbags.typesys import Stores, get_typestore
 
     store, messages = get_typestore(Stores.ROS2_HUMBLE), one_round()
-    writer = Writer(file)
+    writer = Writer(cast("BinaryIO", _Counted(file)))
     writer.start(profile="ros2", library="mcl benchmarks")
     channels = {}
     for topic, name in TYPES.items():
