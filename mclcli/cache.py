@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import sys
 import tempfile
@@ -11,6 +12,9 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
+
+
+_REFUSED: set[Path] = set()  # folders that were warned of
 
 
 def cache_root() -> Path:
@@ -62,3 +66,11 @@ def write_whole(path: Path, parts: Iterable[bytes | memoryview]) -> None:
         with contextlib.suppress(OSError):
             Path(name).unlink()
         raise
+
+
+def cannot_keep(what: str, path: Path, error: OSError) -> None:
+    """Warn that something could not be kept, once a cache: what follows will hardly fare better."""
+    root = cache_root()
+    if root not in _REFUSED:
+        _REFUSED.add(root)
+        logging.getLogger("mclcli").warning("%s: cannot keep %s: %s; going on without", path, what, error.strerror)

@@ -54,9 +54,7 @@ def load(name: str) -> SimpleNamespace:
         try:
             machine_code.write(path, functions)
         except OSError as error:
-            logging.getLogger("mclcli").warning(
-                "%s: %s; compiling again each time", error.filename or path.parent, error.strerror
-            )
+            cache.cannot_keep("compiled code", path, error)
     return machine_code.link(functions)
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import logging
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -57,7 +56,7 @@ def cached_field(
     try:
         _store(path, grid, field, kind, max_dist)
     except OSError as error:
-        logging.getLogger("mclcli").warning("%s: cannot keep the field: %s; going on without", path, error.strerror)
+        cache.cannot_keep("the field", path, error)
     return field, False
 
 

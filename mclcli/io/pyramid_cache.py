@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import logging
 import os
 from typing import TYPE_CHECKING
 
@@ -44,7 +43,7 @@ def cached_pyramid(field: DistanceField) -> tuple[Pyramid, bool]:
     try:
         cache.write_whole(path, [_header(digest, hashlib.sha256(built.pool.data).hexdigest()), built.pool.data])
     except OSError as error:
-        logging.getLogger("mclcli").warning("%s: cannot keep the pyramid: %s; going on without", path, error.strerror)
+        cache.cannot_keep("the pyramid", path, error)
     return built, False
 
 
