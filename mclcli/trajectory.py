@@ -70,19 +70,31 @@ def in_order(
 
 @final
 class Track:
-    """Points of a replay so far, as compact columns."""
+    """Points of a replay so far, as compact columns; only how long it has lasted if not ``whole``."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, whole: bool = True) -> None:
+        self._whole = whole
+        self._first_ns: int | None = None
+        self._last_ns = 0
         self._stamps, self._updated = array("q"), array("b")
         self._poses, self._covariances, self._odometry = array("d"), array("d"), array("d")
 
     def append(self, point: TrackPoint) -> None:
         """Take one point in."""
+        self._first_ns = point.stamp_ns if self._first_ns is None else self._first_ns
+        self._last_ns = point.stamp_ns
+        if not self._whole:
+            return
         self._stamps.append(point.stamp_ns)
         self._updated.append(point.step is not None)
         self._poses.extend(point.estimate.pose)
         self._covariances.extend(point.estimate.covariance.ravel())
         self._odometry.extend(point.odom_from_base)
+
+    @property
+    def seconds(self) -> float:
+        """Time from the first point to the last one [s]."""
+        return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) * 1e-9
 
     @property
     def stamps_ns(self) -> NDArray[np.int64]:

@@ -52,7 +52,8 @@ class Outputs:
         landmarks: Landmarks | None,
         inputs: Sequence[Path],
     ) -> None:
-        self.track = Track()
+        # Kept where something is made of it at the end: a log may be longer than memory.
+        self.track = Track(whole=any(arguments[name] for name in ("picture", "truth", "versus")))
         self.last_step: StepRecord | None = None
         self._targets = _targets(arguments)
         self._recording, self._setup, self._grid, self._inputs = recording, setup, grid, inputs

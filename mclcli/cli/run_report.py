@@ -69,17 +69,12 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
 
 def extent(tally: ReplayTally, track: Track) -> str:
     """How much was driven: the same whenever the same is run."""
-    return f"{tally.updates} updates over {_seconds(track):.1f} s and {tally.distance:.1f} m"
-
-
-def _seconds(track: Track) -> float:
-    stamps = track.stamps_ns
-    return (int(stamps[-1]) - int(stamps[0])) * 1e-9 if stamps.size else 0.0
+    return f"{tally.updates} updates over {track.seconds:.1f} s and {tally.distance:.1f} m"
 
 
 def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Track, seconds: float) -> list[str]:
     """What the run did, in a few lines."""
-    lines = [f"{extent(tally, track)} in {seconds:.2f} s ({_seconds(track) / seconds:.0f} × real time)"]
+    lines = [f"{extent(tally, track)} in {seconds:.2f} s ({track.seconds / seconds:.0f} × real time)"]
     for topic, instrument in setup.instruments.items():
         lines.append(f"{instrument.name} {clean(topic)}: {tally.used[topic]} used{_skipped(tally, topic)}")
         lines += _scored(instrument, tally)

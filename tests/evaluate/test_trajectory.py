@@ -14,6 +14,7 @@ from mclcli import se2
 from mclcli.errors import InputError
 from mclcli.evaluate.metrics import absolute_pose_errors
 from mclcli.trajectory import Track, Trajectory, in_order
+from tests.io.traces import point
 from tests.support import SECOND
 
 if TYPE_CHECKING:
@@ -121,3 +122,13 @@ def test_what_is_said_later_overrules(stamps: list[int]) -> None:
 
 def test_an_empty_track_is_empty() -> None:
     assert Track().trajectory.stamps_ns.size == 0
+
+
+def test_a_track_that_is_not_kept_still_tells_its_time() -> None:
+    kept, passing = Track(), Track(whole=False)
+    for number in range(3):
+        for track in (kept, passing):
+            track.append(point(number))
+    assert kept.seconds == passing.seconds == (kept.stamps_ns[-1] - kept.stamps_ns[0]) * 1e-9 > 0.0
+    assert kept.poses.shape == (3, 3)
+    assert passing.poses.shape == (0, 3)
