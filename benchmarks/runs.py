@@ -65,7 +65,7 @@ def scans() -> list[Row]:
     rows = []
     with tempfile.TemporaryDirectory() as folder:
         logs = {}
-        for count in (500, 2500):
+        for count in (1000, 3000):
             logs[count] = Path(folder) / f"{count}.mcap"
             with logs[count].open("wb") as file:
                 drive.write(file, count)
@@ -78,8 +78,8 @@ def scans() -> list[Row]:
                 n: min(process(MCL, "run", "-q", str(log), *WORDS, *output)() for _ in range(4))
                 for n, log in logs.items()
             }
-            each = (least[2500] - least[500]) / 2000
-            kept = Path(output[1]).stat().st_size / (2500 * 2000)
+            each = (least[3000] - least[1000]) / 2000
+            kept = Path(output[1]).stat().st_size / (3000 * 2000)
             against = f"{kept:.0f} bytes a particle on disk" if output[0] == "-o" else "user and system time"
             rows.append((what, f"{each * 1e3:.2f} ms", target, against))
     return rows
