@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 Message = TypeVar("Message")
 
+_NEAR_NS = 1_000_000_000
+
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,6 +100,8 @@ def pick_one(
 ) -> Message:
     """The message nearest to a time, or of a number; the first one if neither is given.
 
+    Says so where the nearest one is more than 1 s away.
+
     Raises
     ------
     UsageError
@@ -111,6 +115,9 @@ def pick_one(
     else:
         stamp_ns = parse_time(at, first_ns, "--at")
         chosen = min(messages, key=lambda message: abs(stamp_of(message) - stamp_ns), default=None)
+        if chosen is not None and abs(away_ns := stamp_of(chosen) - stamp_ns) > _NEAR_NS:
+            side = "after" if away_ns > 0 else "before"
+            console.remark(f"--at {at}: the nearest message is from {abs(away_ns) * 1e-9:.1f} s {side} that")
     if chosen is None:
         raise UsageError(f"the topic has no message {'' if index is None else f'of number {index} '}that can be read")
     return chosen

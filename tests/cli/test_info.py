@@ -141,6 +141,14 @@ def test_a_scan_without_a_transform_comes_without_its_mount(office_messages: lis
     assert "base_from_sensor" not in json.loads(result.out).get("mcl", {})
 
 
+def test_a_time_without_a_message_is_answered_with_the_nearest_and_said_so(short: Path) -> None:
+    late = mcl("extract", short, "--at", 9999)
+    assert late.code == 0
+    assert "--at 9999: the nearest message is from " in late.err
+    assert "s before that" in late.err
+    assert "nearest" not in mcl("extract", short, "--at", 1).err
+
+
 def test_messages_that_are_none(short: Path) -> None:
     assert "it has /ground_truth" in single_error(mcl("extract", short, "--topic", "/none"), 2)
     assert "999" in single_error(mcl("extract", short, "--index", 999), 2)
