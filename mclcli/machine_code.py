@@ -1,8 +1,8 @@
 """Compiled kernels as files: written once with the compiler at hand, called later without importing it.
 
 Importing numba takes longer than most jobs of the compiled loops. A kernel needs nothing of it at run time: its machine
-code is linked by LLVM and called with the addresses of NumPy arrays. A file is a magic line, one line of JSON (each
-function's name, symbol and arguments, SHA-256 of the payload) and the payload: object code.
+code is linked by LLVM, and called through a gate that takes NumPy arrays (``mclcli.array_gate``). A file is a magic
+line, one line of JSON (each function's name, symbol and arguments, SHA-256 of the payload) and the payload: object code.
 """
 
 from __future__ import annotations
@@ -13,10 +13,14 @@ import hashlib
 import json
 import os
 from dataclasses import asdict, dataclass
+from functools import partial
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, final
 
-from mclcli import cache
+import numpy as np
+
+from mclcli import array_gate, cache
+from mclcli.array_gate import Argument
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -31,23 +35,14 @@ _ENGINES: list[object] = []  # what owns the code must outlive it
 
 @final
 @dataclass(frozen=True, slots=True)
-class Argument:
-    """What a kernel takes: a scalar (``dimensions`` −1) or a C-contiguous array of a type, writable or not."""
-
-    type: str
-    dimensions: int = -1
-    writable: bool = False
-
-
-@final
-@dataclass(frozen=True, slots=True)
 class Function:
-    """One signature of a kernel: its name, its symbol within the object code, and what it takes."""
+    """One signature of a kernel: its name, its symbol within the object code, what it takes, and its gate's code."""
 
     name: str
     symbol: str
     arguments: tuple[Argument, ...]
     code: bytes
+    gate: bytes
 
 
 def write(path: Path, functions: Sequence[Function]) -> None:
@@ -59,8 +54,8 @@ def write(path: Path, functions: Sequence[Function]) -> None:
         If the folder cannot be written.
 
     """
-    payload = b"".join(function.code for function in functions)
-    described = [asdict(function) | {"code": len(function.code)} for function in functions]
+    payload = b"".join(function.code + function.gate for function in functions)
+    described = [asdict(f) | {"code": len(f.code), "gate": len(f.gate)} for f in functions]
     header = json.dumps({"sha256": hashlib.sha256(payload).hexdigest(), "functions": described})
     cache.write_whole(path, [_MAGIC, header.encode(), b"\n", payload])
 
@@ -84,9 +79,11 @@ def _split(described: Sequence[dict[str, Any]], payload: bytes) -> list[Function
     functions, start = [], 0
     for entry in described:
         arguments = tuple(Argument(**argument) for argument in entry["arguments"])
-        code = payload[start : start + entry["code"]]
-        functions.append(Function(entry["name"], entry["symbol"], arguments, code))
-        start += len(code)
+        between = start + entry["code"]
+        end = between + entry["gate"]
+        code, gate = payload[start:between], payload[between:end]
+        functions.append(Function(entry["name"], entry["symbol"], arguments, code, gate))
+        start = end
     return functions
 
 
@@ -107,10 +104,12 @@ def link(functions: Sequence[Function]) -> SimpleNamespace:
     for function in functions:
         machine = llvm.Target.from_default_triple().create_target_machine()
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-        engine.add_object_file(llvm.ObjectFileRef.from_data(function.code))
+        for code in (function.code, function.gate):
+            engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         engine.finalize_object()
         _ENGINES.append(engine)
-        entry = _Entry(_prototype(function)(engine.get_function_address(function.symbol)), function.arguments)
+        kernel, gate = (engine.get_function_address(symbol) for symbol in (function.symbol, array_gate.SYMBOL))
+        entry = _Entry(partial(_prototype(function)(gate), kernel, id(np.ndarray)), len(function.arguments))
         overloads.setdefault(function.name, []).append(entry)
     return SimpleNamespace(**{name: _callable(name, entries) for name, entries in overloads.items()})
 
@@ -118,10 +117,10 @@ def link(functions: Sequence[Function]) -> SimpleNamespace:
 @final
 @dataclass(frozen=True, slots=True)
 class _Entry:
-    """Where a function begins, and what it takes."""
+    """A kernel behind its gate, and how many arguments it takes."""
 
     call: Callable[..., int]
-    arguments: tuple[Argument, ...]
+    count: int
 
 
 def _address(function: object) -> int:
@@ -129,43 +128,23 @@ def _address(function: object) -> int:
 
 
 def _prototype(function: Function) -> Callable[[int], Callable[..., int]]:
-    """The C type of a function as numba lays it out: result, error, then each argument in pieces."""
-    pieces: list[Any] = [ctypes.c_void_p, ctypes.c_void_p]
-    for argument in function.arguments:
-        if argument.dimensions < 0:
-            pieces.append(_SCALARS[argument.type])
-        else:  # owner, parent, size, bytes an element, data, shape, strides
-            pieces += [ctypes.c_void_p] * 2 + [ctypes.c_int64] * 2 + [ctypes.c_void_p]
-            pieces += [ctypes.c_int64] * (2 * argument.dimensions)
-    return ctypes.CFUNCTYPE(ctypes.c_int32, *pieces)  # releases the interpreter's lock while it runs
+    """The C type of a function's gate, which releases the interpreter's lock while it runs."""
+    takes: list[Any] = [ctypes.py_object if a.dimensions >= 0 else _SCALARS[a.type] for a in function.arguments]
+    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64, ctypes.c_int64, *takes)
 
 
 def _callable(name: str, overloads: Sequence[_Entry]) -> Callable[..., None]:
+    calls, count = [entry.call for entry in overloads], overloads[0].count
+
     def call(*arguments: Any) -> None:  # noqa: ANN401
-        for entry in overloads:
-            pieces = _pieces(entry.arguments, arguments)
-            if pieces is not None:
-                break
-        else:
-            raise TypeError(f"{name}: expected other types, or aligned arrays in C order, writable where it writes")
-        if entry.call(ctypes.byref(ctypes.c_void_p()), ctypes.byref(ctypes.c_void_p()), *pieces) not in _DONE:
-            raise RuntimeError(f"{name}: the kernel failed")
+        if len(arguments) != count:  # C would not notice
+            raise TypeError(f"{name}: expected {count} arguments, got {len(arguments)}")
+        for overload in calls:
+            code = overload(*arguments)
+            if code in _DONE:
+                return
+            if code != array_gate.REFUSED:
+                raise RuntimeError(f"{name}: the kernel failed")
+        raise TypeError(f"{name}: expected other types, or aligned arrays in C order, writable where it writes")
 
     return call
-
-
-def _pieces(expected: tuple[Argument, ...], arguments: tuple[Any, ...]) -> list[Any] | None:
-    """Arguments as numba passes them, arrays taken to pieces; None if they are not what the kernel takes."""
-    pieces: list[Any] = []
-    for wanted, given in zip(expected, arguments, strict=True):
-        if wanted.dimensions < 0:
-            pieces.append(given)
-            continue
-        about = given.__array_interface__
-        address, read_only = about["data"]
-        shape, bytes_each = about["shape"], given.itemsize
-        fits = about["typestr"] == wanted.type and len(shape) == wanted.dimensions and address % bytes_each == 0
-        if not fits or about["strides"] is not None or (read_only and wanted.writable):  # no strides: in C order
-            return None
-        pieces += (None, None, given.size, bytes_each, address, *shape, *given.strides)
-    return pieces

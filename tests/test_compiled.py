@@ -97,11 +97,26 @@ def test_a_kernel_takes_what_it_was_compiled_for_and_nothing_else() -> None:
     read_only.flags.writeable = False
     unaligned = np.zeros(73, np.uint8)[1:].view(np.float64).reshape(3, 3)
     wrong = [np.zeros((3, 3), np.float32), np.zeros(9), np.zeros((3, 6))[:, ::2], read_only, unaligned]
-    for argument in wrong:
+    swapped, integers = np.zeros((3, 3), np.dtype(np.float64).newbyteorder()), np.zeros((3, 3), np.int64)
+    for argument in (*wrong, swapped, integers, np.zeros((3, 3)).T[:2], [[0.0]], None, 1.0, np.float64(1.0)):
         with pytest.raises(TypeError, match="two_pass_chamfer"):
             chamfer(argument)
-    with pytest.raises(ValueError, match="argument"):
-        chamfer(np.zeros((3, 3)), 1.0)
+    for arguments in ((), (np.zeros((3, 3)), 1.0)):
+        with pytest.raises(TypeError, match="expected 1 arguments"):
+            chamfer(*arguments)
+
+
+@pytest.mark.parametrize("code", ["l", "q"])
+def test_a_kernel_takes_every_name_of_its_type(code: str) -> None:
+    counts = np.zeros(2, code)
+    if counts.dtype.str != np.dtype(np.int64).str:
+        pytest.skip("another type here")
+    compiled.load("likelihood_field").count_below(np.array([[1, 2, 3], [5, 6, 7]], np.uint16), 3, counts)
+    assert counts.tolist() == [2, 0]
+
+
+def test_a_kernel_takes_arrays_without_elements() -> None:
+    compiled.load("trigonometry").cos_sin(np.empty(0), np.empty(0), np.empty(0))
 
 
 def test_the_environment_names_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
