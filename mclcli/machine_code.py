@@ -2,7 +2,8 @@
 
 Importing numba takes longer than most jobs of the compiled loops. A kernel needs nothing of it at run time: its machine
 code is linked by LLVM, and called through a gate that takes NumPy arrays (``mclcli.array_gate``). A file is a magic
-line, one line of JSON (each function's name, symbol and arguments, SHA-256 of the payload) and the payload: object code.
+line, one line of JSON (names, symbols and arguments of the functions, SHA-256 of the payload) and the payload: object
+code.
 """
 
 from __future__ import annotations
