@@ -167,7 +167,7 @@ def rows() -> list[tuple[str, str, str]]:
     rng = np.random.default_rng(1)
     landmarks, angles = rng.uniform(-8, 8, (count, 2)), rng.uniform(-3, 3, count)
     bearings = Bearings(np.zeros(2), angles, landmarks, 0)
-    score = BearingModel(BearingParameters()).measure("vision", bearings).log_likelihood
+    score = BearingModel(BearingParameters(), np.inf).measure("vision", bearings).log_likelihood
     found.append(row("bearings", score, partial(plain_bearing, landmarks, angles), seen.poses, count))
     return found
 

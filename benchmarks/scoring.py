@@ -151,7 +151,7 @@ def bearings() -> Row:
     """Bearings to landmarks, against as many beams of a field."""
     rng, job = np.random.default_rng(0), concentrated(2000, 60)
     seen = Bearings(np.zeros(2), rng.uniform(-3, 3, 60), rng.uniform(0, 30, (60, 2)), 0)
-    score = BearingModel(BearingParameters()).measure("vision", seen).log_likelihood
+    score = BearingModel(BearingParameters(), np.inf).measure("vision", seen).log_likelihood
     pair = alternate(timed(lambda: score(job.poses)), timed(job.score(), 5), 9)
     return (
         "bearings, 2,000 × 60",

@@ -17,7 +17,7 @@ from mclcli.sensors.models import LIDAR_MODELS
 from mclcli.world import distance_field
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     import numpy as np
     from numpy.typing import NDArray
@@ -104,9 +104,11 @@ def prepare(
 
     """
     settings = settings or profiles.build({})
+    scored = (*(roles.scan[:1] if grid else ()), *(roles.vision if landmarks else ()))
+    job_size = settings.kld.max_particles * _readings(found, scored, settings)
     instruments = {
-        **_lidars(found, roles, grid, settings, temperature or {}, make_field, threads),
-        **_cameras(roles, landmarks, settings, temperature or {}),
+        **_lidars(roles, grid, settings, temperature or {}, make_field, job_size, threads),
+        **_cameras(roles, landmarks, settings, temperature or {}, job_size),
     }
     if not roles.odometry:
         raise InputError("the log has no odometry: no nav_msgs/Odometry topic, and no moving transform above the base")
@@ -165,21 +167,28 @@ def _require_obstacles(grid: OccupancyGrid) -> None:
         raise InputError("map: no cell is occupied, so no pose fits a scan better than another; check its thresholds")
 
 
+def _readings(found: LogSurvey, topics: Sequence[str], settings: Settings) -> int:
+    """About how many beams and bearings each particle will be scored by: those of the first message, every time."""
+    total = 0
+    for topic in topics:
+        sample, messages = found.topics[topic].sample, found.topics[topic].count
+        each = (settings.beams.max_beams or sample.ranges.size) if isinstance(sample, LaserScan) else 0
+        each += len(sample.ids) if isinstance(sample, LandmarkSightings | PixelSightings) else 0
+        total += each * (messages if found.complete else _UPDATES_OF_A_STREAM)
+    return total
+
+
 def _lidars(
-    found: LogSurvey,
     roles: Roles,
     grid: OccupancyGrid | None,
     settings: Settings,
     temperature: Mapping[str, Temperature],
     make_field: FieldMaker,
+    job_size: float,
     threads: int,
 ) -> dict[str, Instrument]:
     if grid is None or not roles.scan:
         return {}
-    scan = found.topics[roles.scan[0]].sample
-    beams = settings.beams.max_beams or (scan.ranges.size if isinstance(scan, LaserScan) else 0)
-    updates = found.topics[roles.scan[0]].count if found.complete else _UPDATES_OF_A_STREAM
-    job_size = updates * settings.kld.max_particles * beams
     model = lidar_model(grid, settings, make_field, job_size, threads)
     names = _numbered("lidar", len(roles.scan))
     default = LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0
@@ -191,11 +200,15 @@ def _lidars(
 
 
 def _cameras(
-    roles: Roles, landmarks: Landmarks | None, settings: Settings, temperature: Mapping[str, Temperature]
+    roles: Roles,
+    landmarks: Landmarks | None,
+    settings: Settings,
+    temperature: Mapping[str, Temperature],
+    job_size: float,
 ) -> dict[str, Instrument]:
     if landmarks is None:
         return {}
-    model = BearingModel(settings.bearing)
+    model = BearingModel(settings.bearing, job_size)
     names = _numbered("vision", len(roles.vision))
     alphas = [alpha_of(temperature, name, VISION_TEMPERATURE) for name in names]
     return {

@@ -80,7 +80,8 @@ def compile_kernels(name: str) -> list[Function]:
     from mclcli import array_gate
     from mclcli.machine_code import Function
 
-    numba.config.DISABLE_INTEL_SVML = True  # type: ignore[attr-defined]  # not there in every process
+    settings: Any = numba.config
+    settings.DISABLE_INTEL_SVML, settings.CPU_FEATURES = True, _processor_features()  # SVML is not in every process
     module = importlib.import_module(f"mclcli.kernels.{name}")
     functions = []
     for kernel, dispatcher in vars(module).items():
@@ -119,9 +120,16 @@ def _digest() -> str:
 
     import llvmlite.binding as llvm
 
-    cpu = f"{llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
+    cpu = f"{llvm.get_host_cpu_name()} {_processor_features()}"
     digest = hashlib.sha256(f"{sys.version} {version('numba')} {version('llvmlite')} {cpu}".encode())
     here = Path(__file__).parent
     for path in (here / "array_gate.py", *sorted((here / "kernels").glob("*.py"))):
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
+
+
+def _processor_features() -> str:
+    """What LLVM is to use of this processor: also its longest vectors, which early ones that had them ran slowly."""
+    import llvmlite.binding as llvm
+
+    return f"{llvm.get_host_cpu_features().flatten()},-prefer-256-bit"

@@ -88,6 +88,21 @@ def test_settings_and_temperature_reach_the_parts() -> None:
     assert [instrument.alpha for instrument in setup.instruments.values()] == [0.125, "ess"]
 
 
+def test_models_know_how_much_will_be_scored() -> None:
+    settings = profiles.build({"max_beams": 12, "particles": 34})
+    setup = prepared(log(*TOPICS), grid=GRID, landmarks=POSTS, settings=settings)
+    lidar, camera = (setup.instruments[topic] for topic in ("/scan", "/aruco"))
+    assert isinstance(lidar, Lidar)
+    assert isinstance(lidar.model, LikelihoodField)
+    assert isinstance(camera, Camera)
+    both = lidar.model.job_size
+    assert camera.model.job_size == both > 0
+    start = AroundPose(np.zeros(3), np.eye(3))
+    blind = prepared(log(*TOPICS), landmarks=POSTS, settings=settings, start=start).instruments["/aruco"]
+    assert isinstance(blind, Camera)
+    assert 0 < blind.model.job_size < both
+
+
 def test_moving_transforms_are_read_only_where_they_are_needed() -> None:
     tf = ("/tf", "tf2_msgs/msg/TFMessage")
     assert prepared(log(*TOPICS, tf), grid=GRID).topics == {"/scan", "/odom"}

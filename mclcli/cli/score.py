@@ -147,7 +147,7 @@ def instruments(
         raise UsageError("--landmarks and --bearings go together: where the landmarks are, and what was seen of them")
     if arguments["landmarks"] is not None:
         landmarks, alpha = read_landmarks(arguments["landmarks"]), alpha_of(temperature, "vision", 1.0)
-        camera = Camera("vision", BearingModel(settings.bearing), landmarks, alpha)
+        camera = Camera("vision", BearingModel(settings.bearing, job_size), landmarks, alpha)
         used.append((camera, read_bearings(arguments["bearings"]), arguments["mounts"].get("camera", np.eye(4))))
     return used
 

@@ -9,33 +9,15 @@ from __future__ import annotations
 import math
 
 import numba as nb
-import numpy as np
 
 from mclcli.kernels import OPTIONS
+from mclcli.kernels._exponential import _exp_in_parts
 
 _ROWS = nb.types.Array(nb.float64, 2, "C", readonly=True)
 _NUMBERS = nb.types.Array(nb.int64, 1, "C", readonly=True)
 _SQRT2 = math.sqrt(2.0)
 _SQRT_TAU = math.sqrt(2.0 * math.pi)
 _EDGE = 6.0 * math.sqrt(2.0)  # standard deviations beyond which the error function is 1 in double precision
-
-
-@nb.njit(**OPTIONS)
-def _exp_in_parts(x):  # type: ignore[no-untyped-def]
-    """2^k and q with e^x = 2^k + 2^k·q for x ≤ 0; 2^k is 1 and q is e^x − 1 itself where x is near 0.
-
-    x − k·log 2 in two parts, then the Taylor series up to the 13th power, whose remainder is below 1e-17.
-    """
-    x = max(x, -708.0)
-    k = np.floor(x * 1.44269504088896338700 + 0.5)
-    r = (x - k * 6.93147180369123816490e-01) - k * 1.90821492927058770002e-10
-    q = 1.0 / 479001600.0 + r * (1.0 / 6227020800.0)
-    q = 1.0 / 3628800.0 + r * (1.0 / 39916800.0 + r * q)
-    q = 1.0 / 40320.0 + r * (1.0 / 362880.0 + r * q)
-    q = 1.0 / 720.0 + r * (1.0 / 5040.0 + r * q)
-    q = 1.0 / 24.0 + r * (1.0 / 120.0 + r * q)
-    q = r + r * r * (0.5 + r * (1.0 / 6.0 + r * q))
-    return np.int64((np.int64(k) + 1023) << 52).view(np.float64), q
 
 
 @nb.njit(**OPTIONS)

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+
 import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
+from mclcli.kernels._exponential import _fma
 
 _ANGLES = nb.types.Array(nb.float64, 1, "C", readonly=True)
+_COS_PI_8, _SIN_PI_8 = math.cos(0.125 * math.pi), math.sin(0.125 * math.pi)
 
 
 @nb.njit(**OPTIONS)
@@ -38,3 +42,27 @@ def _cos_sin(angles, cos, sin):  # type: ignore[no-untyped-def]
 def cos_sin(angles, cos, sin):  # type: ignore[no-untyped-def]
     """Fill ``cos`` and ``sin`` (N,) with the cosine and sine of ``angles`` (N,) [rad]."""
     _cos_sin(angles, cos, sin)
+
+
+@nb.njit(**OPTIONS)
+def _unsigned_angle(along, across):  # type: ignore[no-untyped-def]
+    """Angle between 0 and π of the vector (along, ±across) [rad].
+
+    In the octant beside the axis it is π/8 and the arc tangent of at most tan π/8, a polynomial whose error is 2e-17.
+    """
+    x, y = abs(along), abs(across)
+    low, high = min(x, y), max(x, y)
+    t = _fma(low, _COS_PI_8, -(high * _SIN_PI_8)) / _fma(high, _COS_PI_8, low * _SIN_PI_8)
+    z = t * t
+    p = _fma(z, 0.02124248956926765, -0.043587024628891795)
+    p = _fma(z, p, 0.05692890475881414)
+    p = _fma(z, p, -0.06641318145938455)
+    p = _fma(z, p, 0.07690112157649176)
+    p = _fma(z, p, -0.09090787705989976)
+    p = _fma(z, p, 0.11111107021102413)
+    p = _fma(z, p, -0.14285714209567044)
+    p = _fma(z, p, 0.19999999999368284)
+    p = _fma(z, p, -0.3333333333333215)
+    angle = 0.125 * math.pi + _fma(t * z, p, t)
+    angle = 0.5 * math.pi - angle if y > x else angle
+    return math.pi - angle if along < 0.0 else angle

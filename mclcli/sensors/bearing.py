@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli import compiled, se2
 from mclcli.parameters import parameter, validate
 from mclcli.sensors import Measurement, floored_log
 
@@ -87,9 +87,10 @@ def expected_angles(bearings: Bearings, pose: NDArray[np.float64]) -> NDArray[np
 @final
 @dataclass(frozen=True, slots=True)
 class BearingModel:
-    """The mixture."""
+    """The mixture; ``job_size`` hints how many pose·bearing pairs will be scored in all."""
 
     parameters: BearingParameters
+    job_size: float = 0.0
 
     def measure(self, sensor: str, bearings: Bearings, alpha: float | str = 1.0) -> Measurement:
         """Measurement that scores poses against these bearings."""
@@ -105,11 +106,26 @@ class BearingModel:
         return floored_log((1.0 - eps) * density + eps / se2.TAU, FLOOR)
 
     def _score(self, bearings: Bearings, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log-likelihood (N,) of poses (N, 3) of the base in map."""
+        total = np.full(poses.shape[0], -math.log(se2.TAU) * bearings.unknown)
+        pairs = poses.shape[0] * bearings.angles.size
+        is_compiled = compiled.worth_compiling(max(self.job_size, pairs))
+        (self._add_compiled if is_compiled else self._add)(bearings, poses, total)
+        return total
+
+    def _add(self, bearings: Bearings, poses: NDArray[np.float64], total: NDArray[np.float64]) -> None:
+        """Add each known bearing's log-likelihood to ``total`` (N,)."""
         c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         camera_x = poses[:, 0] + c * bearings.origin[0] - s * bearings.origin[1]
         camera_y = poses[:, 1] + s * bearings.origin[0] + c * bearings.origin[1]
-        total = np.full(poses.shape[0], -math.log(se2.TAU) * bearings.unknown)
         for angle, landmark in zip(bearings.angles, bearings.landmarks, strict=True):
             expected = np.arctan2(landmark[1] - camera_y, landmark[0] - camera_x) - poses[:, 2]
             total += self.log_p(se2.wrap(angle - expected))
-        return total
+
+    def _add_compiled(self, bearings: Bearings, poses: NDArray[np.float64], total: NDArray[np.float64]) -> None:
+        """``_add`` by the kernel ``bearing.sum_log_p``, which rounds otherwise."""
+        sigma, eps = self.parameters.sigma_bearing, self.parameters.eps_outlier
+        sightings = np.stack([*bearings.landmarks.T, np.cos(bearings.angles), np.sin(bearings.angles)])
+        poses, scratch = np.ascontiguousarray(poses), np.empty((5, 256))
+        kernel = compiled.load("bearing").sum_log_p
+        kernel(poses, sightings, *map(float, bearings.origin), sigma, eps, FLOOR, total, scratch)

@@ -15,7 +15,7 @@ from mclcli.errors import UsageError
 from mclcli.sensors.bearing import FLOOR, BearingModel, BearingParameters, observe
 from mclcli.world.landmarks import Landmarks
 from tests.reference.sensors import bearings_log_p
-from tests.support import level, sightings
+from tests.support import level, sightings, use_compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,18 +43,84 @@ def seen_from(
     return model(sigma, eps).measure("vision", observe(sightings(0, [i for i, _ in seen], rays), mount, LANDMARKS))
 
 
-@given(st.lists(st.tuples(st.sampled_from(["a", "b", "c", "?"]), angles), max_size=5))
-def test_every_pose_agrees_with_the_equation(seen: list[tuple[str, float]]) -> None:
+@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
+@given(seen=st.lists(st.tuples(st.sampled_from(["a", "b", "c", "?"]), angles), max_size=40))
+def test_every_pose_agrees_with_the_equation(
+    monkeypatch: pytest.MonkeyPatch, seen: list[tuple[str, float]], *, always: bool
+) -> None:
+    use_compiled(monkeypatch, always=always)
     got = seen_from(se3.from_planar(MOUNT), *seen).log_likelihood(POSES)
     expected = [bearings_log_p(pose, MOUNT, seen, PLACES, sigma=0.1, eps=0.1) for pose in POSES.tolist()]
     np.testing.assert_allclose(got, expected, rtol=0, atol=1e-9)
 
 
+@given(
+    pose=st.tuples(coordinates, coordinates, st.floats(-10.0, 10.0)),
+    seen=st.lists(st.tuples(st.sampled_from("abc"), angles), min_size=1, max_size=40),
+    eps=st.just(0.0) | st.floats(1e-300, 1.0),
+    sigma=st.floats(0.01, 1.0),
+)
+@example(pose=(-1.0, 0.0, 0.3), seen=[("a", -0.2), ("b", 2.0)], eps=0.1, sigma=0.5)  # standing on the landmark
+def test_both_paths_agree(
+    monkeypatch: pytest.MonkeyPatch,
+    pose: tuple[float, ...],
+    seen: list[tuple[str, float]],
+    eps: float,
+    sigma: float,
+) -> None:
+    measurement, found = seen_from(se3.from_planar(MOUNT), *seen, sigma=sigma, eps=eps), []
+    for always in (False, True):
+        use_compiled(monkeypatch, always=always)
+        found.append(measurement.log_likelihood(np.array([pose]))[0])
+    assert found[1] == pytest.approx(found[0], rel=1e-12, abs=1e-9)
+
+
+@pytest.mark.parametrize("sigma", [1e-100, 1e-17, 1e-6])
+@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
+def test_no_deviation_is_too_small(monkeypatch: pytest.MonkeyPatch, sigma: float, *, always: bool) -> None:
+    use_compiled(monkeypatch, always=always)
+    measurement = seen_from(np.eye(4), *[("b", math.atan2(0.5, 1.0))] * 20, sigma=sigma, eps=0.1)
+    near, far = measurement.log_likelihood(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]]))
+    assert far == pytest.approx(20 * math.log(0.1 / math.tau), rel=1e-12)
+    assert far <= near <= measurement.log_peak + 1e-9
+    assert sigma < 1e-6 or near == pytest.approx(measurement.log_peak, rel=1e-12)
+
+
+def test_a_particles_bits_do_not_depend_on_its_company(monkeypatch: pytest.MonkeyPatch) -> None:
+    use_compiled(monkeypatch, always=True)
+    seen = [("abc"[i % 3], -3.0 + 0.17 * i) for i in range(35)]
+    score = seen_from(se3.from_planar(MOUNT), *seen).log_likelihood
+    many = np.random.default_rng(5).uniform([-3, -3, -4], [3, 3, 4], (700, 3))
+    together = score(many)
+    order = np.random.default_rng(6).permutation(700)
+    assert score(many[order]).tobytes() == together[order].tobytes()
+    for n in (0, 255, 256, 511, 690, 699):
+        assert score(many[n : n + 1])[0] == together[n]
+
+
+def test_what_is_no_pose_has_no_score_and_spoils_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
+    use_compiled(monkeypatch, always=True)
+    poses = POSES.copy()
+    poses[3, 0], poses[11, 2], poses[17, 1] = math.nan, math.nan, math.nan
+    got = seen_from(se3.from_planar(MOUNT), *SEEN).log_likelihood(poses)
+    assert np.flatnonzero(np.isnan(got)).tolist() == [3, 11, 17]
+
+
+@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
 @given(x=coordinates, y=coordinates, yaw=angles, bearing=angles, eps=st.floats(1e-6, 1.0), sigma=st.floats(1e-3, 1.0))
 @example(x=-1.0, y=0.0, yaw=0.0, bearing=0.0, eps=0.1, sigma=0.1)  # standing on the landmark
 def test_a_known_landmark_never_costs_more_than_being_an_outlier(
-    x: float, y: float, yaw: float, bearing: float, eps: float, sigma: float
+    monkeypatch: pytest.MonkeyPatch,
+    x: float,
+    y: float,
+    yaw: float,
+    bearing: float,
+    eps: float,
+    sigma: float,
+    *,
+    always: bool,
 ) -> None:
+    use_compiled(monkeypatch, always=always)
     measurement = seen_from(np.eye(4), ("a", bearing), sigma=sigma, eps=eps)
     score = measurement.log_likelihood(np.array([[x, y, yaw]]))[0]
     assert math.isfinite(score)
@@ -87,8 +153,12 @@ def test_an_upside_down_camera_sees_mirrored_bearings(seen: list[tuple[str, floa
     np.testing.assert_allclose(hanging.log_likelihood(POSES), standing.log_likelihood(POSES), rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
 @given(pose=st.tuples(*[st.floats(-1e200, 1e200)] * 2, st.floats(-1e6, 1e6)), bearing=angles)
-def test_every_finite_pose_has_a_finite_score(pose: tuple[float, ...], bearing: float) -> None:
+def test_every_finite_pose_has_a_finite_score(
+    monkeypatch: pytest.MonkeyPatch, pose: tuple[float, ...], bearing: float, *, always: bool
+) -> None:
+    use_compiled(monkeypatch, always=always)
     measurement = seen_from(se3.from_planar(MOUNT), ("a", bearing), ("nobody", bearing))
     assert np.isfinite(measurement.log_likelihood(np.array([pose]))).all()
 
