@@ -24,7 +24,6 @@ _CONVERGED_RADIUS = 0.5  # [m], as nav2_amcl's dist_threshold
 _CONVERGED_SHARE = 0.95  # nav2_amcl asks for all, which some drawn anew would always spoil
 _THINNED = 2000
 _LOWER = np.tril_indices(3)
-_WORTH_COMPILING = 20_000  # particles: a function of their number alone, since sums differ in the last bits
 
 
 def stated(
@@ -67,7 +66,7 @@ def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> E
 
     Source: Mardia and Jupp 2000, *Directional Statistics*, section 2.2 (mean direction).
     """
-    if poses.shape[0] >= _WORTH_COMPILING:
+    if compiled.in_use():
         return _weighted_mean_compiled(poses, weights)
     columns = np.ascontiguousarray(poses.T)
     x, y, c, s = (weights * np.array([columns[0], columns[1], *cos_sin(columns[2])])).sum(axis=1).tolist()
@@ -78,13 +77,11 @@ def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> E
 
 
 def _weighted_mean_compiled(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> Estimate:
-    """The same, summed in the particles' order."""
-    kernels, poses = compiled.load("particles"), np.ascontiguousarray(poses)
-    sums, covariance = np.zeros(4), np.zeros((3, 3))
-    kernels.mean_sums(poses, weights, sums, np.empty((3, 512)))
-    mean = np.array([sums[0], sums[1], math.atan2(sums[3], sums[2])])
-    kernels.covariance_sums(poses, weights, mean, covariance)
-    return Estimate(mean, covariance + np.tril(covariance, -1).T)
+    """The same to the bit, without a copy of every column."""
+    mean, covariance = np.empty(3), np.empty((3, 3))
+    scratch = np.empty((6, 128)), np.empty((65, 6))
+    compiled.load("moments").mean_and_covariance(np.ascontiguousarray(poses), weights, mean, covariance, *scratch)
+    return Estimate(mean, covariance)
 
 
 def _covariance(residual: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -98,5 +95,14 @@ def _covariance(residual: NDArray[np.float64], weights: NDArray[np.float64]) -> 
 def has_converged(poses: NDArray[np.float64], estimate: Estimate) -> bool:
     """Whether 95 % of the particles are within 0.5 m of the estimate in x and in y."""
     x, y, _ = estimate.pose.tolist()
-    near = (np.abs(poses[:, 0] - x) <= _CONVERGED_RADIUS) & (np.abs(poses[:, 1] - y) <= _CONVERGED_RADIUS)
-    return bool(np.count_nonzero(near) >= _CONVERGED_SHARE * near.size)
+    return bool(count_near(poses, x, y) >= _CONVERGED_SHARE * poses.shape[0])
+
+
+def count_near(poses: NDArray[np.float64], x: float, y: float) -> int:
+    """How many poses (N, 3) are within 0.5 m of a place [m] in x and in y."""
+    if not compiled.in_use():
+        near = (np.abs(poses[:, 0] - x) <= _CONVERGED_RADIUS) & (np.abs(poses[:, 1] - y) <= _CONVERGED_RADIUS)
+        return int(np.count_nonzero(near))
+    count = np.zeros(1, np.int64)
+    compiled.load("moments").count_near(np.ascontiguousarray(poses), x, y, _CONVERGED_RADIUS, count)
+    return int(count[0])

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli import compiled
 from mclcli.filter import fit, weights
 
 if TYPE_CHECKING:
@@ -58,15 +59,22 @@ class Correlation:
 
 def correlate(each: NDArray[np.float64], before: Correlation | None = None) -> Correlation:
     """Take one more scan's per-beam log p (K,) into the running autocovariances."""
-    own = float(each.mean())
+    own = float(each.sum()) / each.size
     mean = own if before is None else (1.0 - _AUTO_MEMORY) * before.mean + _AUTO_MEMORY * own
-    centred = each - mean
-    beams = np.arange(centred.size)
-    shifted = np.concatenate([centred, np.zeros(_MAX_LAG)])[_LAGS + beams]  # (lags, K), zero beyond the last beam
-    covariances = (shifted * centred).sum(axis=1) / centred.size  # no BLAS, whose sums depend on its threads
+    covariances = _lagged_sums(each - mean) / each.size
     if before is not None:
         covariances = (1.0 - _AUTO_MEMORY) * before.covariances + _AUTO_MEMORY * covariances
     return Correlation(mean, covariances)
+
+
+def _lagged_sums(centred: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Σ_i c_i c_{i+lag} (``_MAX_LAG`` + 1,) of values (K,), zero beyond the last. No BLAS: it sums by threads."""
+    if compiled.in_use():
+        sums = np.empty(_MAX_LAG + 1)
+        compiled.load("moments").lagged_sums(centred, sums, np.empty(128), np.empty((65, 1)))
+        return sums
+    shifted = np.concatenate([centred, np.zeros(_MAX_LAG)])[_LAGS + np.arange(centred.size)]  # (lags, K)
+    return np.asarray((shifted * centred).sum(axis=1))
 
 
 def conditional_ess(log_weights: NDArray[np.float64], log_likelihood: NDArray[np.float64], alpha: float) -> float:

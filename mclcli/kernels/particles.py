@@ -5,29 +5,17 @@ Each has its formula in NumPy beside its caller. What adds up does so in the par
 
 from __future__ import annotations
 
-import math
-
 import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels.trigonometry import _cos_sin
+from mclcli.kernels.trigonometry import _cos_sin, _wrap
 
 _ROW = nb.types.Array(nb.float64, 1, "C", readonly=True)
 _POSES = nb.types.Array(nb.float64, 2, "C", readonly=True)
 _BINS = nb.types.Array(nb.int64, 2, "C", readonly=True)
 _NUMBERS = nb.types.Array(nb.int64, 1, "C", readonly=True)
 _BLOCK = 512
-_TURN = 2.0 * math.pi
-
-
-@nb.njit(**OPTIONS)
-def _wrap(angle):  # type: ignore[no-untyped-def]
-    """As ``mclcli.se2.wrap``."""
-    if -math.pi < angle <= math.pi:
-        return angle
-    wrapped = -((math.pi - angle) % _TURN - math.pi)
-    return math.pi if wrapped <= -math.pi else wrapped
 
 
 @nb.njit([nb.void(_ROW, _ROW, nb.int64[::1])], **OPTIONS)
@@ -61,42 +49,6 @@ def turn_move_turn(poses, normals, motion, std, out, scratch):  # type: ignore[n
             out[n, 0] = poses[n, 0] + move * cos[i]
             out[n, 1] = poses[n, 1] + move * sin[i]
             out[n, 2] = _wrap(heading[i] + turn)
-
-
-@nb.njit([nb.void(_POSES, _ROW, nb.float64[::1], nb.float64[:, ::1])], **OPTIONS)
-def mean_sums(poses, weights, sums, scratch):  # type: ignore[no-untyped-def]
-    """Add to ``sums`` (4,) Σ w of x, y, cos yaw, sin yaw. Scratch: (3, 512)."""
-    x = y = c = s = 0.0
-    for start in range(0, poses.shape[0], _BLOCK):
-        size = min(_BLOCK, poses.shape[0] - start)
-        yaw, cos, sin = scratch[0, :size], scratch[1, :size], scratch[2, :size]
-        for i in range(size):
-            yaw[i] = poses[start + i, 2]
-        _cos_sin(yaw, cos, sin)
-        for i in range(size):
-            w = weights[start + i]
-            x += w * poses[start + i, 0]
-            y += w * poses[start + i, 1]
-            c += w * cos[i]
-            s += w * sin[i]
-    sums[0], sums[1], sums[2], sums[3] = sums[0] + x, sums[1] + y, sums[2] + c, sums[3] + s
-
-
-@nb.njit([nb.void(_POSES, _ROW, _ROW, nb.float64[:, ::1])], **OPTIONS)
-def covariance_sums(poses, weights, mean, sums):  # type: ignore[no-untyped-def]
-    """Add to the lower triangle of ``sums`` (3, 3) Σ w r rᵀ of r = (dx, dy, wrap(dyaw)) from ``mean`` (3,)."""
-    xx = yx = yy = tx = ty = tt = 0.0
-    for n in range(poses.shape[0]):
-        x, y, t = poses[n, 0] - mean[0], poses[n, 1] - mean[1], _wrap(poses[n, 2] - mean[2])
-        wx, wy, wt = weights[n] * x, weights[n] * y, weights[n] * t
-        xx += wx * x
-        yx += wy * x
-        yy += wy * y
-        tx += wt * x
-        ty += wt * y
-        tt += wt * t
-    sums[0, 0], sums[1, 0], sums[1, 1] = sums[0, 0] + xx, sums[1, 0] + yx, sums[1, 1] + yy
-    sums[2, 0], sums[2, 1], sums[2, 2] = sums[2, 0] + tx, sums[2, 1] + ty, sums[2, 2] + tt
 
 
 @nb.njit([nb.void(_POSES, nb.float64, nb.float64, nb.int64, nb.int64[:, ::1])], **OPTIONS)

@@ -1,4 +1,4 @@
-"""Cosine and sine of many angles, in vectors: the loop of ``mclcli.trigonometry``, which see."""
+"""Cosine and sine of many angles, in vectors: the loop of ``mclcli.trigonometry``, which see; and angles wrapped."""
 
 from __future__ import annotations
 
@@ -10,8 +10,18 @@ import numpy as np
 from mclcli.kernels import OPTIONS
 from mclcli.kernels._exponential import _fma
 
+_TURN = 2.0 * math.pi
 _ANGLES = nb.types.Array(nb.float64, 1, "C", readonly=True)
 _COS_PI_8, _SIN_PI_8 = math.cos(0.125 * math.pi), math.sin(0.125 * math.pi)
+
+
+@nb.njit(**OPTIONS)
+def _wrap(angle):  # type: ignore[no-untyped-def]
+    """As ``mclcli.se2.wrap``."""
+    if -math.pi < angle <= math.pi:
+        return angle
+    wrapped = -((math.pi - angle) % _TURN - math.pi)
+    return math.pi if wrapped <= -math.pi else wrapped
 
 
 @nb.njit(**OPTIONS)

@@ -1,4 +1,4 @@
-"""Compiled loops over particles against the NumPy beside them: the same bits, or the same sums up to rounding."""
+"""Compiled loops over particles against the NumPy beside them: the same bits."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ import pytest
 
 from mclcli import compiled
 from mclcli.filter import clusters, estimate, kld, resampling
+from mclcli.filter.temperature import Correlation, correlate
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
+from mclcli.records import Estimate
 from tests.reference.filter import mean_and_covariance
 
 GENERATOR = np.random.default_rng(7)
@@ -65,12 +67,38 @@ def test_kld_asks_for_the_same_number(monkeypatch: pytest.MonkeyPatch, name: str
     assert one == other
 
 
+SIZES = (1, 2, 7, 8, 9, 127, 128, 129, 136, 255, 257, 1000, 2001, 20_003)  # around NumPy's eights and its halves
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_mean_and_covariance_have_the_same_bits(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    generator = np.random.default_rng(size)
+    poses = generator.normal([1.0, -2.0, 3.0], [1.0, 0.5, 0.9], (size, 3))
+    weights = generator.dirichlet(np.full(size, 0.3))
+    one, other = by_both(monkeypatch, lambda: estimate.weighted_mean(poses, weights))
+    assert isinstance(one, Estimate)
+    assert isinstance(other, Estimate)
+    assert one.pose.tobytes() == other.pose.tobytes()
+    assert one.covariance.tobytes() == other.covariance.tobytes()
+    near, as_near = by_both(monkeypatch, lambda: estimate.count_near(poses, 1.0, -2.0))
+    assert near == as_near
+    assert size < 9 or 0 < as_near < size  # type: ignore[operator]
+
+
+@pytest.mark.parametrize("size", [2, 7, 30, 60, 61, 128, 129, 720])
+def test_correlations_have_the_same_bits(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    each = np.random.default_rng(size).normal(size=(2, size))
+    one, other = by_both(monkeypatch, lambda: correlate(each[1], correlate(each[0])))
+    assert isinstance(one, Correlation)
+    assert isinstance(other, Correlation)
+    assert one.covariances.tobytes() == other.covariances.tobytes()
+
+
 def test_the_mean_of_many_is_that_of_the_equation(monkeypatch: pytest.MonkeyPatch) -> None:
     poses, weights = CLOUDS["tight"], WEIGHTS["tight"]
     mean, covariance = mean_and_covariance(poses.tolist(), weights.tolist())
-    for least in (0, 10**9):
-        monkeypatch.setattr(estimate, "_WORTH_COMPILING", least)
-        found = estimate.weighted_mean(poses, weights)
+    for found in by_both(monkeypatch, lambda: estimate.weighted_mean(poses, weights)):
+        assert isinstance(found, Estimate)
         np.testing.assert_allclose(found.pose, mean, rtol=0, atol=1e-12)
         np.testing.assert_allclose(found.covariance, covariance, rtol=0, atol=1e-14)
         assert (found.covariance == found.covariance.T).all()
