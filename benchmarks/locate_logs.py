@@ -77,16 +77,16 @@ def moments(case: Case, data: Path) -> Iterator[tuple[float, list[Observation]]]
     number = -1
     for topic, record in recording.events(setup.topics):
         intake.take(topic, record)
-        for item in intake.ready():
-            mount = intake.mount(item.record) if isinstance(item.record, LaserScan) else None
-            if mount is None or not isinstance(item.record, LaserScan):
+        for usable in intake.ready():
+            if not isinstance(usable, Observation) or not isinstance(usable.reading, LaserScan):
                 continue
             number += 1
-            seen.append(Observation(item.topic, item.record, intake.path.at(item.stamp_ns), mount))
+            seen.append(usable)
+            stamp_ns = usable.reading.stamp_ns
             for window in case.windows if number in wanted else ():
-                first_ns = item.stamp_ns - round(window * 1e9)
+                first_ns = stamp_ns - round(window * 1e9)
                 yield window, [o for o in seen if o.reading.stamp_ns >= first_ns]
-            while seen[0].reading.stamp_ns < item.stamp_ns - 21 * 10**9:
+            while seen[0].reading.stamp_ns < stamp_ns - 21 * 10**9:
                 seen.popleft()
 
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple, final
 from mclcli import se2, se3
 from mclcli.motion.odometry import OdometryParameters, OdometryPath
 from mclcli.records import LandmarkSightings, LaserScan, Odometry, StampedPose, Transform
+from mclcli.sensors.observation import Observation
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -168,20 +169,20 @@ class Intake:
         elif isinstance(record, Odometry):
             if topic == self._setup.odometry:
                 self._take_odometry(record)
-        elif isinstance(record, LaserScan | LandmarkSightings) and topic in self._ranks:
+        elif isinstance(record, _READINGS) and topic in self._ranks:
             self._take_reading(topic, self._shifted(record))
         elif isinstance(record, StampedPose) and topic == self._setup.follow:
             self._take_reading(topic, record)
 
-    def ready(self) -> Iterator[Item]:
+    def ready(self) -> Iterator[Observation | StampedPose]:
         """What odometry has passed, in the order of stamps; what cannot be used is counted."""
         while self._waiting and self.path.ends_after(self._waiting[0].until_ns - 1):
             item = heapq.heappop(self._waiting)
-            problem = self._problem(item)
-            if problem:
-                self._tally.skipped[item.topic, problem] += 1
+            usable = self._examine(item)
+            if isinstance(usable, str):
+                self._tally.skipped[item.topic, usable] += 1
             else:
-                yield item
+                yield usable
 
     def close(self) -> None:
         """Count what was left waiting for odometry that never came."""
@@ -193,18 +194,18 @@ class Intake:
         self._waiting.clear()
         self._give_up_next_segment()
 
-    def mount(self, reading: Reading) -> NDArray[np.float64] | None:
-        """``base_from_sensor`` (4, 4) at the reading's stamp."""
-        given = self._setup.mounts.get(reading.frame_id, self._setup.mounts.get(""))
-        if given is not None:
-            return given
-        return self._tree.lookup(self._setup.base_frame, reading.frame_id, reading.stamp_ns)
-
     def forget(self, stamp_ns: int) -> None:
         """Let go of what no reading after this trigger needs, unless it comes more than 2 s late."""
         self._used_until_ns = stamp_ns
         self.path.forget_before(stamp_ns - _KEEP_NS)
         self._tree.forget_before(stamp_ns - _KEEP_NS)
+
+    def _mount(self, reading: Reading) -> NDArray[np.float64] | None:
+        """``base_from_sensor`` (4, 4) at the reading's stamp."""
+        given = self._setup.mounts.get(reading.frame_id, self._setup.mounts.get(""))
+        if given is not None:
+            return given
+        return self._tree.lookup(self._setup.base_frame, reading.frame_id, reading.stamp_ns)
 
     def _take_transforms(self, transforms: tuple[Transform, ...]) -> None:
         follows = self._setup.odometry == "tf"
@@ -285,8 +286,21 @@ class Intake:
         until_ns = record.stamp_ns if isinstance(record, StampedPose) else self._setup.until_ns(record)
         heapq.heappush(self._waiting, Item(record.stamp_ns, rank, self._arrivals, topic, record, until_ns))
 
+    def _examine(self, item: Item) -> Observation | StampedPose | str:
+        """What is made of something that waited, or why it is not used."""
+        problem, record = self._problem(item), item.record
+        if problem:
+            return problem
+        if isinstance(record, StampedPose):
+            return record
+        mount = self._mount(record)
+        if mount is None:
+            return f"no transform from '{self._setup.base_frame}' to '{record.frame_id}' at its stamp"
+        problem = self._setup.instruments[item.topic].problem(record)
+        return problem or Observation(item.topic, record, self.path.at(item.stamp_ns), mount)
+
     def _problem(self, item: Item) -> str:
-        """Why something is not used, empty if it is."""
+        """Why something cannot be used at its stamp, empty if it can."""
         first_ns, last_ns = self._setup.window_ns
         if not first_ns <= item.stamp_ns <= last_ns:
             return "outside --start and --duration"
@@ -299,9 +313,8 @@ class Intake:
         too_late = item.rank == 0 and item.stamp_ns <= self._used_until_ns
         if too_late or not self.path.covers(item.stamp_ns):
             return _TOO_OLD
-        if self.mount(record) is None:
-            return f"no transform from '{self._setup.base_frame}' to '{record.frame_id}' at its stamp"
-        return self._setup.instruments[item.topic].problem(record)
+        return ""
 
 
+_READINGS = (LaserScan, LandmarkSightings)  # told once: a union written where it is asked for is made every time
 _TOO_OLD = "stamp older than readings already used"

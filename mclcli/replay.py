@@ -19,7 +19,6 @@ from mclcli.filter.state import FilterState, initial_state
 from mclcli.intake import Intake, ReplayTally, Setup
 from mclcli.records import Estimate, LandmarkSightings, LaserScan, StampedPose, StepRecord, TrackPoint
 from mclcli.sensors.instruments import combine
-from mclcli.sensors.observation import Observation
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -27,10 +26,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.filter.recovery import Propose
-    from mclcli.intake import Item
     from mclcli.sensors import Measurement
     from mclcli.sensors.beams import Sweep
     from mclcli.sensors.instruments import Reading
+    from mclcli.sensors.observation import Observation
 
 __all__ = ["ReplayTally", "Setup", "replay"]
 
@@ -48,8 +47,8 @@ def replay(
     run = _Run(setup, tally, intake)
     for topic, record in events:
         intake.take(topic, record)
-        for item in intake.ready():
-            yield from run.take(item)
+        for usable in intake.ready():
+            yield from run.take(usable)
         if intake.finished:
             break
     intake.close()
@@ -81,21 +80,18 @@ class _Run:
         self._since_update: list[Observation] = []
         self._belief: _Belief | None = None
 
-    def take(self, item: Item) -> Iterator[TrackPoint]:
+    def take(self, usable: Observation | StampedPose) -> Iterator[TrackPoint]:
         """Use one reading, or a pose that somebody stated: the next trigger begins anew around it."""
         if self._intake.segment != self._segment:
             yield from self.close()
             self._segment, self._told = self._intake.segment, None
             self._restart()
-        if isinstance(item.record, StampedPose):
-            self._told = item.record
+        if isinstance(usable, StampedPose):
+            self._told = usable
             self._tally.restarts += 1
             self._restart()
-            return
-        mount = self._intake.mount(item.record)
-        if mount is not None:
-            observation = Observation(item.topic, item.record, self._intake.path.at(item.stamp_ns), mount)
-            yield from self._begin(observation) if self._belief is None else self._process(observation)
+        else:
+            yield from self._begin(usable) if self._belief is None else self._process(usable)
 
     def close(self) -> Iterator[TrackPoint]:
         """No more readings will come: a start that holds some has to answer now."""
@@ -221,8 +217,10 @@ class _Run:
         """Where the robot is: the last estimate, carried on by odometry since."""
         assert belief.estimate is not None  # noqa: S101 - the first trigger always updates
         reading = observation.reading
-        pose = se2.compose(belief.estimate.pose, se2.between(belief.odom_from_base, observation.odom_from_base))
-        estimate = belief.estimate if record else Estimate(pose, belief.estimate.covariance)
+        estimate, now = belief.estimate, observation.odom_from_base
+        if record is None:
+            moved = se2.between(belief.odom_from_base, now)
+            estimate = Estimate(se2.compose(estimate.pose, moved), estimate.covariance)
         scan = reading if isinstance(reading, LaserScan) else None
-        odom = self._intake.path.recorded(reading.stamp_ns)
+        odom = self._intake.path.recorded(reading.stamp_ns, now)
         return TrackPoint(reading.stamp_ns, estimate, self._segment, odom, record, scan)

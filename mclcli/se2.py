@@ -61,7 +61,8 @@ def between(w_from_a: ArrayLike, w_from_b: ArrayLike) -> NDArray[np.float64]:
 # One pose at a time, in plain numbers: an array's bookkeeping would cost twenty times as much as the arithmetic.
 
 
-def _wrap_one(angle: float) -> float:
+def wrap_one(angle: float) -> float:
+    """``wrap`` of a single angle [rad], to the same bits."""
     if -math.pi < angle <= math.pi:
         return angle
     return float(wrap(angle))
@@ -69,12 +70,12 @@ def _wrap_one(angle: float) -> float:
 
 def _compose_one(a: Sequence[float], b: Sequence[float]) -> tuple[float, float, float]:
     c, s = _cos_sin_one(a[2])
-    return a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], _wrap_one(a[2] + b[2])
+    return a[0] + c * b[0] - s * b[1], a[1] + s * b[0] + c * b[1], wrap_one(a[2] + b[2])
 
 
 def _inverse_one(a: Sequence[float]) -> tuple[float, float, float]:
     c, s = _cos_sin_one(a[2])
-    return -c * a[0] - s * a[1], s * a[0] - c * a[1], _wrap_one(-a[2])
+    return -c * a[0] - s * a[1], s * a[0] - c * a[1], wrap_one(-a[2])
 
 
 def _cos_sin_one(angle: float) -> tuple[float, float]:
@@ -90,11 +91,11 @@ def _exp_one(v: Sequence[float]) -> tuple[float, float, float]:
     half = 0.5 * v[2]
     chord = _chord_one(half)
     c, s = chord * math.cos(half), chord * math.sin(half)
-    return c * v[0] - s * v[1], s * v[0] + c * v[1], _wrap_one(v[2])
+    return c * v[0] - s * v[1], s * v[0] + c * v[1], wrap_one(v[2])
 
 
 def _log_one(p: Sequence[float]) -> tuple[float, float, float]:
-    yaw = _wrap_one(p[2])
+    yaw = wrap_one(p[2])
     half = 0.5 * yaw
     chord = _chord_one(half)
     c, s = math.cos(half) / chord, math.sin(half) / chord

@@ -22,12 +22,7 @@ def from_quaternion(translation: Iterable[float], quaternion: Iterable[float]) -
         If the translation is not finite or the quaternion's norm is more than 1e-2 away from 1.
 
     """
-    tx, ty, tz = (float(v) for v in translation)
-    x, y, z, w = (float(v) for v in quaternion)
-    norm = math.sqrt(x * x + y * y + z * z + w * w)
-    if not (math.isfinite(tx) and math.isfinite(ty) and math.isfinite(tz) and abs(norm - 1.0) <= 1e-2):
-        raise ValueError(f"not a rigid transform: translation {[tx, ty, tz]}, quaternion norm {norm:g}")
-    x, y, z, w = x / norm, y / norm, z / norm, w / norm
+    (tx, ty, tz), (x, y, z, w) = _rigid(translation, quaternion)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w), tx],
@@ -36,6 +31,24 @@ def from_quaternion(translation: Iterable[float], quaternion: Iterable[float]) -
             [0.0, 0.0, 0.0, 1.0],
         ]
     )
+
+
+def planar_from_quaternion(translation: Iterable[float], quaternion: Iterable[float]) -> NDArray[np.float64]:
+    """``to_planar`` of ``from_quaternion``, to the same bits and with the same errors, without the matrix between."""
+    (tx, ty, _), (x, y, z, w) = _rigid(translation, quaternion)
+    return np.array([tx, ty, math.atan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z))])
+
+
+def _rigid(
+    translation: Iterable[float], quaternion: Iterable[float]
+) -> tuple[tuple[float, float, float], tuple[float, float, float, float]]:
+    """A translation, and a quaternion of length 1."""
+    tx, ty, tz = map(float, translation)
+    x, y, z, w = map(float, quaternion)
+    norm = math.sqrt(x * x + y * y + z * z + w * w)
+    if not (math.isfinite(tx) and math.isfinite(ty) and math.isfinite(tz) and abs(norm - 1.0) <= 1e-2):
+        raise ValueError(f"not a rigid transform: translation {[tx, ty, tz]}, quaternion norm {norm:g}")
+    return (tx, ty, tz), (x / norm, y / norm, z / norm, w / norm)
 
 
 def from_rpy(translation: ArrayLike, roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:

@@ -32,6 +32,7 @@ def unit(quaternion: tuple[float, ...]) -> NDArray[np.float64]:
 def test_quaternions_turn_as_scipys_do(translation: tuple[float, ...], quaternion: tuple[float, ...]) -> None:
     q = unit(quaternion)
     matrix = se3.from_quaternion(translation, q)
+    assert se3.planar_from_quaternion(translation, q).tobytes() == se3.to_planar(matrix).tobytes()
     np.testing.assert_allclose(matrix[:3, :3], Rotation.from_quat(q).as_matrix(), atol=1e-12)
     assert matrix[:3, 3].tolist() == list(translation)
     assert matrix[3].tolist() == [0.0, 0.0, 0.0, 1.0]
@@ -89,6 +90,8 @@ def test_a_nearly_unit_quaternion_is_normalised(scale: float) -> None:
 def test_what_is_no_rigid_transform_is_refused(translation: list[float], quaternion: list[float]) -> None:
     with pytest.raises(ValueError, match="not a rigid transform"):
         se3.from_quaternion(translation, quaternion)
+    with pytest.raises(ValueError, match="not a rigid transform"):
+        se3.planar_from_quaternion(translation, quaternion)
 
 
 def test_planar_poses_survive_the_way_through_space() -> None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from mclcli.clock import parse_seconds
 from mclcli.errors import InputError, UsageError
-from mclcli.records import LandmarkSightings, LaserScan
+from mclcli.records import LaserScan, StampedPose
 from mclcli.sensors.observation import Observation
 
 if TYPE_CHECKING:
@@ -159,16 +159,16 @@ def _moments(recording: Recording, setup: Setup, window_ns: int) -> Iterator[Mom
         if intake.segment != segment:
             seen.clear()
             segment = intake.segment
-        for item in intake.ready():
-            mount = intake.mount(item.record) if isinstance(item.record, LaserScan | LandmarkSightings) else None
-            if mount is None or not isinstance(item.record, LaserScan | LandmarkSightings):
+        for usable in intake.ready():
+            if isinstance(usable, StampedPose):
                 continue
-            seen.append(Observation(item.topic, item.record, intake.path.at(item.stamp_ns), mount))
-            while seen[0].reading.stamp_ns < item.stamp_ns - max(window_ns, _SIGHTINGS_NS):
+            seen.append(usable)
+            stamp_ns = usable.reading.stamp_ns
+            while seen[0].reading.stamp_ns < stamp_ns - max(window_ns, _SIGHTINGS_NS):
                 seen.popleft()
-            if intake.triggers(item.topic):
-                yield tuple(o for o in seen if _counts(o, item.stamp_ns, window_ns))
-                intake.forget(item.stamp_ns)
+            if intake.triggers(usable.topic):
+                yield tuple(o for o in seen if _counts(o, stamp_ns, window_ns))
+                intake.forget(stamp_ns)
 
 
 def _counts(observation: Observation, now_ns: int, window_ns: int) -> bool:

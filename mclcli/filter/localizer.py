@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, NamedTuple, final
 
 import numpy as np
 
@@ -28,6 +28,25 @@ if TYPE_CHECKING:
     from mclcli.filter.recovery import Averages, Propose
     from mclcli.motion import MotionModel
     from mclcli.sensors import Measurement
+
+
+class _At(NamedTuple):
+    """Which update, when, and in which segment of the log."""
+
+    step: int
+    stamp_ns: int
+    segment: int
+
+
+class _Weighed(NamedTuple):
+    """Log-likelihoods (S, N) with their temperatures, and what they make of the weights: log, softmax, log Σ e^log."""
+
+    alphas: tuple[float, ...]
+    log_likelihoods: NDArray[np.float64]
+    log_weights: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    log_total: float
+    degenerate: bool
 
 
 @final
@@ -60,24 +79,23 @@ class Localizer:
         log_likelihoods = scoring.score(measurements, poses)
         log_evidence, evidences = scoring.evidences(state.log_weights, log_likelihoods)
         alphas = self._temper(state, measurements, log_likelihoods, evidences)
-        log_weights, degenerate = self._reweight(state.log_weights, scoring.temper(alphas, log_likelihoods))
-        record = self._record(state, poses, measurements, log_likelihoods, log_weights, log_evidence)
-        record = dataclasses.replace(record, stamp_ns=stamp_ns, segment=segment, alphas=alphas, degenerate=degenerate)
-        averages = self._observe(state.averages, record)
-        record = self._decide(record, policies.add_way(state.way, increment), averages if propose else None)
-        after = self._resample(record, propose) if record.resampled else _carry(record)
+        weighed = self._weigh(state.log_weights, alphas, log_likelihoods)
+        record = self._record(_At(state.step, stamp_ns, segment), poses, measurements, weighed, log_evidence)
+        averages, way = self._observe(state.averages, record), policies.add_way(state.way, increment)
+        record = self._decide(record, way, averages if propose else None)
+        after = self._resample(record, propose) if record.resampled else _carry(record, weighed.log_total)
         if self.parameters.estimate == "after":
             stated = self._belief(after.poses, weights.normalise(after.log_weights), "after")
             record = dataclasses.replace(record, **stated)
-        return (
-            dataclasses.replace(
-                after,
-                correlations=temperature.observe(measurements, record.estimate.pose, state.correlations),
-                way=(0.0, 0.0) if record.resampled else policies.add_way(state.way, increment),
-                averages=None if record.injected and self.recovery.forgets else averages,
-            ),
-            record,
+        next_state = FilterState(
+            after.step,
+            after.poses,
+            after.log_weights,
+            correlations=temperature.observe(measurements, record.estimate.pose, state.correlations),
+            way=(0.0, 0.0) if record.resampled else way,
+            averages=None if record.injected and self.recovery.forgets else averages,
         )
+        return next_state, record
 
     def _propagate(self, state: FilterState, increment: NDArray[np.float64]) -> NDArray[np.float64]:
         draws = rng.stream(self.seed, rng.Purpose.MOTION, state.step)
@@ -98,44 +116,44 @@ class Localizer:
             measurements, log_likelihoods, state.log_weights, state.correlations, p.ess_target, fits, trusted
         )
 
-    def _reweight(
-        self, carried: NDArray[np.float64], tempered: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], bool]:
-        """log w_t = log w_{t−1} + Σ α · log p, and whether the measurement had to be ignored."""
-        log_weights = carried + tempered
-        if weights.usable(log_weights):
-            return log_weights, False
-        return (carried if self.parameters.degenerate == "carry" else uniform_log_weights(carried.size)), True
+    def _weigh(
+        self, carried: NDArray[np.float64], alphas: tuple[float, ...], log_likelihoods: NDArray[np.float64]
+    ) -> _Weighed:
+        """log w_t = log w_{t−1} + Σ α · log p, its softmax, and whether the measurement had to be ignored."""
+        log_weights = carried + scoring.temper(alphas, log_likelihoods)
+        degenerate = not weights.usable(log_weights)
+        if degenerate:
+            log_weights = carried if self.parameters.degenerate == "carry" else uniform_log_weights(carried.size)
+        return _Weighed(alphas, log_likelihoods, log_weights, *weights.softmax(log_weights), degenerate)
 
     def _record(
         self,
-        state: FilterState,
+        at: _At,
         poses: NDArray[np.float64],
         measurements: Sequence[Measurement],
-        log_likelihoods: NDArray[np.float64],
-        log_weights: NDArray[np.float64],
+        weighed: _Weighed,
         log_evidence: float,
     ) -> StepRecord:
-        """Everything that the weights say; the step fills in the rest."""
-        normalised = weights.normalise(log_weights)
+        """Everything that the weights say; whether to resample is still to be decided."""
+        counts = tuple([m.count for m in measurements])
         return StepRecord(
-            step=state.step,
-            stamp_ns=0,
+            step=at.step,
+            stamp_ns=at.stamp_ns,
             poses=poses,
-            sensors=tuple(m.sensor for m in measurements),
-            alphas=(),
-            log_likelihoods=log_likelihoods,
-            log_weights=log_weights,
-            weights=normalised,
-            ess=weights.effective_sample_size(normalised),
+            sensors=tuple([m.sensor for m in measurements]),
+            alphas=weighed.alphas,
+            log_likelihoods=weighed.log_likelihoods,
+            log_weights=weighed.log_weights,
+            weights=weighed.weights,
+            ess=weights.effective_sample_size(weighed.weights),
             log_evidence=log_evidence,
             resampled=False,
-            degenerate=False,
-            beams_used=sum(m.count for m in measurements),
-            segment=0,
-            **self._belief(poses, normalised, "before"),
+            degenerate=weighed.degenerate,
+            beams_used=sum(counts),
+            segment=at.segment,
+            **self._belief(poses, weighed.weights, "before"),
             reliability=fit.of_all(measurements, log_evidence),
-            counts=tuple(m.count for m in measurements),
+            counts=counts,
         )
 
     def _belief(self, poses: NDArray[np.float64], normalised: NDArray[np.float64], when: str) -> dict[str, Any]:
@@ -166,7 +184,7 @@ class Localizer:
             and (not p.resample_moved or policies.is_way(way))
             and policies.is_depleted(record.ess, n, p.resample_ess)
         )
-        return dataclasses.replace(record, resampled=due or injected > 0, injected=injected)
+        return dataclasses.replace(record, resampled=True, injected=injected) if due or injected else record
 
     def _resample(self, record: StepRecord, propose: Propose | None) -> FilterState:
         """Equally weighted particles: ``injected`` of N drawn anew, the others copies of their ancestors."""
@@ -193,6 +211,6 @@ class Localizer:
         return kld_size(np.concatenate([record.poses[pilot], anew]), self.size, draws)
 
 
-def _carry(record: StepRecord) -> FilterState:
-    normalised = record.log_weights - weights.log_sum_exp(record.log_weights)
-    return FilterState(record.step + 1, record.poses, normalised)
+def _carry(record: StepRecord, log_total: float) -> FilterState:
+    """The same particles, their log-weights normalised by log Σ e^log_weights."""
+    return FilterState(record.step + 1, record.poses, record.log_weights - log_total)

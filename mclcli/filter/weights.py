@@ -19,11 +19,18 @@ def log_sum_exp(values: NDArray[np.float64]) -> float:
     return peak + float(np.log(np.exp(values - peak).sum()))
 
 
+def softmax(log_weights: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """Weights (N,) proportional to e^log_weights, summing to 1 ± 1e-12, and log Σ e^log_weights; to be ``usable``."""
+    peak = float(log_weights.max())
+    weights: NDArray[np.float64] = np.exp(log_weights - peak)
+    total = weights.sum()
+    weights /= total
+    return weights, peak + float(np.log(total))
+
+
 def normalise(log_weights: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Weights (N,) proportional to e^log_weights, summing to 1 ± 1e-12; they must be ``usable``."""
-    weights: NDArray[np.float64] = np.exp(log_weights - log_weights.max())
-    weights /= weights.sum()
-    return weights
+    """Weights of ``softmax`` alone."""
+    return softmax(log_weights)[0]
 
 
 def usable(log_weights: NDArray[np.float64]) -> bool:

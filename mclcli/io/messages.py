@@ -19,7 +19,7 @@ from mclcli.io.parse import Undecodable, parser_for, to_plain
 from mclcli.records import LaserScan, Odometry, StampedPose, Transform
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -162,17 +162,22 @@ def planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] | 
 
 def _matrix(position: Parsed, rotation: Parsed) -> NDArray[np.float64] | None:
     """Transform (4, 4), None if the rotation is none or the translation is not finite, or beyond all bounds."""
-    quaternion = (rotation.x, rotation.y, rotation.z, rotation.w)
-    translation = (position.x, position.y, position.z)
-    # Both told first: squares of wild numbers overflow. NaN fails either.
-    if not (abs(math.hypot(*quaternion) - 1.0) <= 1e-2 and math.hypot(*translation) <= _FARTHEST):
-        return None
-    return read_only(se3.from_quaternion(translation, quaternion))
+    translation, quaternion = (position.x, position.y, position.z), (rotation.x, rotation.y, rotation.z, rotation.w)
+    return read_only(se3.from_quaternion(translation, quaternion)) if _is_rigid(translation, quaternion) else None
 
 
 def _planar(pose: Parsed) -> NDArray[np.float64] | None:
-    matrix = _matrix(pose.position, pose.orientation)
-    return None if matrix is None else read_only(se3.to_planar(matrix))
+    """The same projected on the ground, (3,)."""
+    position, rotation = pose.position, pose.orientation
+    translation, quaternion = (position.x, position.y, position.z), (rotation.x, rotation.y, rotation.z, rotation.w)
+    return (
+        read_only(se3.planar_from_quaternion(translation, quaternion)) if _is_rigid(translation, quaternion) else None
+    )
+
+
+def _is_rigid(translation: Sequence[float], quaternion: Sequence[float]) -> bool:
+    # Both told before they are used: squares of wild numbers overflow. NaN fails either.
+    return abs(math.hypot(*quaternion) - 1.0) <= 1e-2 and math.hypot(*translation) <= _FARTHEST
 
 
 def _stamped(header: Parsed) -> bool:

@@ -71,7 +71,7 @@ class DifferentialMotion:
         """Standard deviations (3,) of first turn [rad], move [m] and second turn [rad]."""
         p = self.parameters
         if abs(trans) < _SMALL_MOVE:
-            rot1, rot2 = 0.0, float(se2.wrap(rot1 + rot2))
+            rot1, rot2 = 0.0, se2.wrap_one(rot1 + rot2)
         if p.turn_noise == "folded":
             rot1, rot2 = folded(rot1), folded(rot2)
         turn1, turn2 = (noise.square(turn, noise.TURN, p.noise_scaling) for turn in (rot1, rot2))
@@ -100,8 +100,8 @@ def folded(turn: float) -> float:
 
 def decompose(increment: NDArray[np.float64]) -> tuple[float, float, float]:
     """First turn, signed move and second turn of an increment (3,); |first turn| ≤ π/2, backwards moves negative."""
-    dx, dy, dyaw = (float(v) for v in increment)
+    dx, dy, dyaw = increment.tolist()
     forward = dx >= 0.0
     trans = float(np.hypot(dx, dy)) * (1.0 if forward else -1.0)
     rot1 = float(np.arctan2(dy, dx) if forward else np.arctan2(-dy, -dx)) if trans else 0.0
-    return rot1, trans, float(se2.wrap(dyaw - rot1))
+    return rot1, trans, se2.wrap_one(dyaw - rot1)

@@ -49,7 +49,7 @@ class OdometryPath:
     """Recent odometry, growing at its end; constant twist between samples, never extrapolated.
 
     Where odometry jumps (a reset, a slip of the driver's numbers) the path stands still for that step and goes on:
-    ``at`` is continuous, ``recorded`` is what the log says, ``jumps`` counts. By default every step is believed.
+    ``at`` is continuous, ``recorded`` turns it into what the log says, ``jumps`` counts. By default all is believed.
     """
 
     parameters: OdometryParameters = field(default_factory=lambda: OdometryParameters(0.0, 0.0))
@@ -105,10 +105,10 @@ class OdometryPath:
         fraction = (stamps_ns - known[after - 1]) / (known[after] - known[after - 1])
         return se2.interpolate(poses[after - 1], poses[after], fraction)
 
-    def recorded(self, stamp_ns: int) -> NDArray[np.float64]:
-        """Pose (3,) at a stamp within the span in the log's own odometry frame, with its jumps."""
+    def recorded(self, stamp_ns: int, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The pose (3,) that is ``at`` a stamp, in the log's own odometry frame, with its jumps."""
         origin = self._origins[bisect_right(self._stamps, stamp_ns) - 1]
-        return self.at(stamp_ns) if origin is None else se2.compose(origin, self.at(stamp_ns))
+        return pose if origin is None else se2.compose(origin, pose)
 
     def forget_before(self, stamp_ns: int) -> None:
         """Drop samples that no stamp from here on needs."""

@@ -41,6 +41,13 @@ def test_weights_sum_to_one(values: NDArray[np.float64]) -> None:
     np.testing.assert_allclose(normalised, naive.normalise(values.tolist()), rtol=1e-9, atol=1e-300)
 
 
+@given(logs)
+def test_the_softmax_knows_its_total(values: NDArray[np.float64]) -> None:
+    shares, total = weights.softmax(values)
+    np.testing.assert_array_equal(shares, weights.normalise(values))
+    assert total == weights.log_sum_exp(values)
+
+
 @pytest.mark.parametrize("n", [1, 1000, 300_000])
 def test_many_weights_sum_to_one_too(n: int) -> None:
     values = np.random.default_rng(0).normal(-500.0, 20.0, n)
