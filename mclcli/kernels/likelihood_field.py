@@ -42,13 +42,18 @@ def _place(poses, origin_x, origin_y, cos, sin, yaw, resolution, shift, block): 
 
 @nb.njit(**OPTIONS)
 def _clearance(x, y, cos, sin, width, height):  # type: ignore[no-untyped-def]
-    """How long a beam may be for every particle's endpoint to be on the map; −1 if one is no proper pose."""
-    least, proper = _FAR, True
+    """How long a beam may be for every particle's endpoint to be on the map; below 0 if one is no proper pose.
+
+    In whole cells, rounded down: minima of whole numbers are found in vectors.
+    """
+    wide, high, least = nb.float64(width), nb.float64(height), np.int32(_FAR)
     for i in range(x.size):
-        least = min(least, min(min(x[i], width - x[i]), min(y[i], height - y[i])))
+        room = min(min(x[i], wide - x[i]), min(y[i], high - y[i]))
         length = cos[i] * cos[i] + sin[i] * sin[i]
-        proper &= (abs(x[i]) < _FAR) & (abs(y[i]) < _FAR) & (length < 1.001)
-    return least / 1.001 - 0.001 if proper else -1.0
+        proper = (abs(x[i]) < _FAR) & (abs(y[i]) < _FAR) & (length < 1.001)
+        cells = np.int32(room) if proper else np.int32(0)
+        least = min(least, cells)
+    return least / 1.001 - 0.001
 
 
 @nb.njit(**OPTIONS)

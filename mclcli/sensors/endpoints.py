@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import collections
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
@@ -34,7 +35,7 @@ class Anchoring:
 
     def frame(self, field: DistanceField) -> tuple[float, ...]:
         """Where the cells lie: x, y [m], cosine, sine, yaw of their frame in map, side of a cell [m], shift [cells]."""
-        x, y, yaw = map(float, field.origin)
+        x, y, yaw = field.origin.tolist()
         yaw = yaw if self.yaw else 0.0
         return x, y, math.cos(yaw), math.sin(yaw), yaw, field.resolution, 0.5 if self.half_cell else 0.0
 
@@ -66,7 +67,7 @@ def sum_table(
     ``table`` (L + 1,) holds a value per level of the field, and one more for endpoints off the map. ``job_size`` hints
     how many pose·beam pairs will be summed in all. Beams are added in their order: every path gives the same bits.
     """
-    ends = np.ascontiguousarray((endpoints / field.resolution).T)
+    ends = _in_cells(field, endpoints)
     steps = max(job_size, poses.shape[0] * ends.shape[1])
     add, block = (_add_compiled, COMPILED_BLOCK) if _is_compiled(field, steps) else (add_table, BLOCK)
     out = np.zeros(poses.shape[0])
@@ -76,6 +77,11 @@ def sum_table(
 
     for_each(sum_block, range(0, poses.shape[0], block), threads)
     return out
+
+
+def _in_cells(field: DistanceField, endpoints: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Endpoints (B, 2) [m] as (2, B) [cells], in C order."""
+    return np.divide(endpoints.T, field.resolution, order="C")
 
 
 def _is_compiled(field: DistanceField, steps: float) -> bool:
@@ -132,7 +138,7 @@ def look_up(
     job_size: float = 0.0,
 ) -> Codes:
     """Code (B, N) of the cell where each beam ends, the number of levels off the map; arguments as of ``sum_table``."""
-    ends, off_map = np.ascontiguousarray((endpoints / field.resolution).T), field.levels.size
+    ends, off_map = _in_cells(field, endpoints), field.levels.size
     found = np.empty((ends.shape[1], poses.shape[0]), field.codes.dtype)
     if _is_compiled(field, max(job_size, found.size)):
         scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
@@ -168,15 +174,31 @@ def sum_looked_up(found: Codes, table: NDArray[np.float64], job_size: float = 0.
 
 
 def for_each(task: Callable[[int], None], starts: range, threads: int) -> None:
-    """Run independent blocks; the result is the same for any number of threads."""
-    if threads == 1 or len(starts) == 1:
+    """Run independent blocks; the result is the same for any number of threads.
+
+    Each thread, this one among them, takes the next block as soon as it is done with one.
+    """
+    if threads == 1 or len(starts) <= 1:
         for start in starts:
             task(start)
         return
     from concurrent.futures import ThreadPoolExecutor
 
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(task, starts))
+    waiting, helpers = collections.deque(starts), min(threads, len(starts)) - 1
+
+    def work() -> None:
+        while True:
+            try:
+                start = waiting.popleft()
+            except IndexError:  # the others took the rest
+                return
+            task(start)
+
+    with ThreadPoolExecutor(helpers) as pool:
+        helping = [pool.submit(work) for _ in range(helpers)]
+        work()
+    for one in helping:
+        one.result()
 
 
 def distances(
