@@ -80,7 +80,7 @@ def test_the_contracts_of_the_house_hold() -> None:
         ("click", ("cli/",)),
         ("rich", ("cli/",)),
         ("numba", ("kernels/", "compiled.py")),
-        ("llvmlite", ("compiled.py", "machine_code.py", "array_gate.py")),
+        ("llvmlite", ("kernels/_lanes.py", "compiled.py", "machine_code.py", "array_gate.py")),
         ("platformdirs", ("cache.py",)),
         ("pickle", ()),
         ("evo", ()),

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mclcli.world.distance_field import DistanceField
 
 _MAGIC = b"mcl pyramid\n"
-_FORMAT = 1
+_FORMAT = 2
 
 
 def pyramid_path(field: DistanceField) -> Path:

@@ -9,17 +9,22 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli import compiled
-from mclcli.world import pyramid as pyramids
+from mclcli.search import costs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.search.costs import Costs, Nodes
     from mclcli.search.lattice import Lattice
     from mclcli.world.distance_field import DistanceField
     from mclcli.world.pyramid import Pyramid
 
 _SHORT_OF_PERFECT = (0.1, 0.3, 1.0, 3.0, math.inf)  # nats a beam
 _NO_KEY = 2**62
+_NONE = np.empty(0)
+_LEAVES = 64  # of a fine node
+_FURTHEST = 10.0  # nats, untempered, by which a node of many leaves is followed further than a leaf
+_WORTHLESS = 7.0  # all leaves that are not looked at together weigh at most e^−7 of the best one
 
 
 @final
@@ -55,6 +60,17 @@ class Found:
 
 
 @final
+class _Incumbent:
+    """The best leaf so far, and the leaves near it: ``written`` of ``keys`` and ``values``."""
+
+    def __init__(self, value: float, key: int, room: int = 0) -> None:
+        self.value, self.key = value, key
+        self.keys, self.values = np.empty(room, np.int64), np.empty(room)
+        self.written = 0
+        self.pruned = 0.0
+
+
+@final
 @dataclass(frozen=True, slots=True, eq=False)
 class Search:
     """A scan over a field: ``log_p`` (L + 1,) is the value of every level of the field, and of off the map."""
@@ -64,51 +80,66 @@ class Search:
     lattice: Lattice
     log_p: NDArray[np.float64]
     sightings: Sightings
-    table: NDArray[np.float64]
-    roots: NDArray[np.int64]
-    bounds: NDArray[np.float64]
+    costs: Costs
 
     def maximum(self) -> tuple[float, int]:
         """The greatest value of a leaf and its key; (−inf, −1) if no cell is allowed. Of equals the least key."""
-        if not len(self.roots):
+        if not self.lattice.size:
             return -math.inf, -1
         # A threshold that the best leaf may reach prunes from the start; if no leaf does, a lower one is tried.
-        beams = self.lattice.ends.shape[1]
-        perfect = float(self.table[0]) * beams + self.sightings.law[4]
+        beams, extra = self.lattice.ends.shape[1], float(self.sightings.law[4])
+        perfect = self.costs.perfect + extra
         for short in _SHORT_OF_PERFECT:
-            best, key, _, _ = self._descend((perfect - short * max(beams, 1), _NO_KEY))
-            if key != _NO_KEY:
+            found = _Incumbent(perfect - short * max(beams, 1), _NO_KEY)
+            state = np.zeros(4, np.int64)
+            while not self.costs.done(state):
+                limit = self.costs.within(found.value - extra)
+                self._look(self.costs.sweep(state, limit, limit, _NONE), found)
+            if found.key != _NO_KEY:
                 break
-        return best, key
+        return found.value, found.key
 
     def near(self, best: float, key: int, slack: float, alpha: float, room: int) -> Found | None:
         """All leaves within ``slack`` of the best one; None if they are more than ``room``."""
-        keys, values = np.empty(room, np.int64), np.empty(room)
-        _, _, found, pruned = self._descend((best, key), slack=slack, alpha=alpha, into=(keys, values))
-        if found < 0:
-            return None
-        order = np.lexsort((keys[:found], -values[:found]))
-        return Found(best, key, keys[:found][order], values[:found][order], pruned)
+        extra = float(self.sightings.law[4])
+        floor = best - extra - (math.log(self.lattice.size) + _WORTHLESS) / alpha
+        limit = self.costs.within(best - extra - slack - min(math.log(_LEAVES) / alpha, _FURTHEST))
+        stop = max(self.costs.within(floor), limit)
+        weights = np.exp(alpha * (self.costs.bounds(np.arange(stop + 1, dtype=np.int32)) + extra - best))
+        found = _Incumbent(best, key, room)
+        if stop < self.costs.most:
+            found.pruned += math.exp(-_WORTHLESS)
+        state = np.zeros(4, np.int64)
+        while not self.costs.done(state):
+            nodes = self.costs.sweep(state, limit, stop, weights)
+            found.pruned += nodes.mass
+            if not self._look(nodes, found, slack, alpha, weights):
+                return None
+        keys, values = found.keys[: found.written], found.values[: found.written]
+        order = np.lexsort((keys, -values))
+        return Found(best, key, keys[order], values[order], found.pruned)
 
-    def _descend(
+    def _look(
         self,
-        incumbent: tuple[float, int],
-        *,
+        nodes: Nodes,
+        found: _Incumbent,
         slack: float = 0.0,
         alpha: float = 0.0,
-        into: tuple[NDArray[np.int64], NDArray[np.float64]] | None = None,
-    ) -> tuple[float, int, int, float]:
-        keys, values = into or (np.empty(0, np.int64), np.empty(0))
-        grid, seen, level = self.lattice, self.sightings, self.lattice.frames.shape[0] - 1
-        whole, real = np.array([incumbent[1], 0], np.int64), np.array([incumbent[0], 0.0])
-        room = 16 * (level + 2)
-        compiled.load("branch_and_bound").descend(
-            self.field.codes, self.pyramid.pool, self.pyramid.shapes, grid.frames, grid.ends,
-            grid.places.counts, grid.places.firsts, self.log_p, float(self.log_p.max()), self.table,
-            seen.marks, seen.law, grid.angles, self.roots, self.bounds, level, slack, alpha,
-            keys, values, whole, real, np.empty((room, 4), np.int64), np.empty(room),
+        weights: NDArray[np.float64] = _NONE,
+    ) -> bool:
+        """Look at the poses of nodes, the best first; False if there is no room for what was found."""
+        order = np.argsort(nodes.costs, kind="stable")
+        grid, seen, plane = self.lattice, self.sightings, self.costs.leaves
+        whole, real = np.array([found.key, found.written], np.int64), np.array([found.value, found.pruned])
+        compiled.load("leaves").look(
+            plane.cells, plane.width, plane.starts, self.costs.perfect, self.costs.step,
+            self.field.codes, grid.ends, plane.counts, self.log_p, seen.marks, seen.law, grid.angles,
+            nodes.places[order], nodes.costs[order], slack, alpha, weights,
+            found.keys, found.values, whole, real, np.empty(64, np.uint16),
         )  # fmt: skip
-        return float(real[0]), int(whole[0]), int(whole[1]), float(real[1])
+        found.key, found.written = int(whole[0]), int(whole[1])
+        found.value, found.pruned = float(real[0]), float(real[1])
+        return found.written >= 0
 
 
 def prepare(
@@ -118,14 +149,5 @@ def prepare(
     log_p: NDArray[np.float64],
     sightings: Sightings = NO_SIGHTINGS,
 ) -> Search:
-    """Bound the nodes of the highest level, and put them in order: the best first, of equals the first."""
-    table = pyramids.bound_table(field, log_p)
-    level = lattice.frames.shape[0] - 1
-    bounds = np.empty(int(lattice.frames[level, 1:].prod()))
-    compiled.load("branch_and_bound").bound_roots(
-        pyramid.pool, pyramid.shapes, lattice.frames, lattice.ends, lattice.places.counts,
-        int(lattice.places.firsts[level]), level, table, bounds,
-    )  # fmt: skip
-    order = np.argsort(-bounds, kind="stable")[: int(np.isfinite(bounds).sum())]
-    roots = np.column_stack(np.unravel_index(order, lattice.frames[level, 1:])).astype(np.int64)
-    return Search(field, pyramid, lattice, log_p, sightings, table, np.ascontiguousarray(roots), bounds[order])
+    """Make a search ready: what every beam costs everywhere."""
+    return Search(field, pyramid, lattice, log_p, sightings, costs.lay_out(field, pyramid, lattice, log_p))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli import se2
-from mclcli.world.pyramid import angles_in, top_level
+from mclcli.world.pyramid import COARSE, angles_in
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,8 +25,8 @@ _COARSEST = math.radians(2.0)  # of scans that reach hardly anywhere
 class Places:
     """Which cells of a map may hold the base, counted in blocks.
 
-    ``counts`` int32: allowed cells of every block of 2^h × 2^h cells, level h from ``firsts[h]`` on; ``sizes`` (L + 1,
-    2): rows and columns of blocks. Level 0 is the map itself.
+    ``counts`` int32: allowed cells of every block of 2^h × 2^h cells, level h from ``firsts[h]`` on; ``sizes`` (6, 2):
+    rows and columns of blocks. Level 0 is the map itself.
     """
 
     counts: NDArray[np.int32]
@@ -38,6 +38,12 @@ class Places:
         """Rows H and columns W of the map."""
         return int(self.sizes[0, 0]), int(self.sizes[0, 1])
 
+    def of_level(self, level: int) -> NDArray[np.int32]:
+        """Allowed cells in every block of a level."""
+        rows, columns = self.sizes[level].tolist()
+        first = int(self.firsts[level])
+        return self.counts[first : first + rows * columns].reshape(rows, columns)
+
     @property
     def number(self) -> int:
         """How many cells are allowed."""
@@ -47,7 +53,7 @@ class Places:
 def count_places(allowed: NDArray[np.bool_]) -> Places:
     """Count the allowed cells (H, W) in the blocks of every level."""
     counts = [allowed.astype(np.int32)]
-    for _ in range(top_level(*allowed.shape)):
+    for _ in range(COARSE):
         counts.append(_sums_of_blocks(counts[-1]))
     firsts = np.cumsum([0, *(count.size for count in counts)])[:-1].astype(np.int64)
     sizes = np.array([count.shape for count in counts], np.int64)
@@ -59,16 +65,15 @@ def count_places(allowed: NDArray[np.bool_]) -> Places:
 class Lattice:
     """Angles, where every beam ends from each of them, and which cells may hold the base.
 
-    ``angles`` (A,) [rad] in the field's frame, ``step`` apart. ``ends`` (G, B, 2) int32: row and column offset of the
-    cell in which a beam ends, seen from a base at the centre of cell (0, 0); first for every angle, then the least ones
-    of groups of angles. ``frames`` (L + 1, 4) int64: for every level the first row in ``ends``, and how many groups,
-    rows and columns of blocks it has.
+    ``angles`` (A,) [rad] in the field's frame, ``step`` apart. ``ends`` (A, B, 2) int32: row and column offset of the
+    cell in which a beam ends, seen from a base at the centre of cell (0, 0); ``groups`` (G, B, 2) the least ones of the
+    angles that are a group at the coarse level.
     """
 
     angles: NDArray[np.float64]
     step: float
     ends: NDArray[np.int32]
-    frames: NDArray[np.int64]
+    groups: NDArray[np.int32]
     places: Places
 
     @property
@@ -101,13 +106,9 @@ def build(endpoints: NDArray[np.float64], places: Places, about: tuple[float, fl
     step = angle_step(reach)
     angles = np.arange(round(se2.TAU / step), dtype=np.float64) * step
     angles = angles[np.abs(se2.wrap(angles - about[0])) <= about[1]]
-    ends, frames, first = [_cells_of_ends(endpoints, angles)], [], 0
-    for level, (rows, columns) in enumerate(places.sizes.tolist()):
-        if angles_in(level) > 1 and len(ends[-1]):
-            first += len(ends[-1])
-            ends.append(np.minimum.reduceat(ends[-1], np.arange(0, len(ends[-1]), 2), axis=0))
-        frames.append([first, len(ends[-1]), rows, columns])
-    return Lattice(angles, step, np.concatenate(ends), np.array(frames, np.int64), places)
+    ends = _cells_of_ends(endpoints, angles)
+    groups = np.minimum.reduceat(ends, np.arange(0, angles.size, angles_in(COARSE)), axis=0) if angles.size else ends
+    return Lattice(angles, step, ends, groups, places)
 
 
 def _cells_of_ends(endpoints: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.int32]:

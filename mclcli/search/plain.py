@@ -9,7 +9,9 @@ import heapq
 import math
 from typing import TYPE_CHECKING
 
-from mclcli.world.pyramid import OFF_MAP
+import numpy as np
+
+from mclcli.world.pyramid import COARSE, LEVELS, OFF_MAP, angles_in, bound_table
 
 if TYPE_CHECKING:
     from mclcli.search.branching import Search
@@ -28,38 +30,45 @@ def value_of(search: Search, angle: int, row: int, column: int) -> float:
 
 
 def bound_of(search: Search, node: Node) -> float:
-    """Bound of a node of level 1 or higher: the same sum over the best value in each beam's window."""
+    """Bound of a node of a level above that of poses: the same sum over the best value in each beam's window."""
     level, group, row, column = node
     start, height, width, shift, margin = search.pyramid.shapes[level].tolist()
-    ends = search.lattice.ends[search.lattice.frames[level, 0] + group]
+    table = bound_table(search.field, search.log_p)
     total = 0.0
-    for r, c in ends.tolist():
+    for r, c in (search.lattice.groups if level == COARSE else search.lattice.ends)[group].tolist():
         y, x = (((row << level) + r) >> shift) + margin, (((column << level) + c) >> shift) + margin
         inside = 0 <= y < height and 0 <= x < width
-        total += search.table[search.pyramid.pool[start + y * width + x] if inside else OFF_MAP]
+        total += table[search.pyramid.pool[start + y * width + x] if inside else OFF_MAP]
     return total
 
 
+def roots_of(search: Search) -> list[Node]:
+    """All coarse nodes with an allowed place."""
+    rows, columns = np.nonzero(search.lattice.places.of_level(COARSE))
+    groups = range(len(search.lattice.groups))
+    return [(COARSE, t, r, c) for t in groups for r, c in zip(rows.tolist(), columns.tolist(), strict=True)]
+
+
 def children_of(search: Search, node: Node) -> list[Node]:
-    """Nodes one level lower that together have the same leaves; those without an allowed cell are left out."""
+    """Nodes of the next level below that together have the same leaves; those without an allowed cell are left out."""
     level, group, row, column = node
-    frames, places, below = search.lattice.frames, search.lattice.places, level - 1
-    ratio = 2 if level > 3 else 1
-    _, groups, rows, columns = frames[below].tolist()
-    found: list[Node] = []
-    for t in range(group * ratio, min((group + 1) * ratio, groups)):
-        for r in range(2 * row, min(2 * row + 2, rows)):
-            blocks = range(2 * column, min(2 * column + 2, columns))
-            first = places.firsts[below] + r * columns
-            found += [(below, t, r, c) for c in blocks if places.counts[first + c] > 0]
-    return found
+    below = (0, *LEVELS)[LEVELS.index(level)]
+    side, ratio = 1 << (level - below), angles_in(level) // angles_in(below)
+    counts = search.lattice.places.of_level(below)
+    rows, columns = counts.shape
+    return [
+        (below, t, r, c)
+        for t in range(group * ratio, min((group + 1) * ratio, search.lattice.angles.size))
+        for r in range(side * row, min(side * (row + 1), rows))
+        for c in range(side * column, min(side * (column + 1), columns))
+        if counts[r, c] > 0
+    ]
 
 
 def maximum(search: Search) -> tuple[float, int]:
     """Greatest value of a leaf and its key, best node first. Source: Land and Doig 1960."""
     height, width = search.lattice.places.shape
-    top = len(search.lattice.frames) - 1
-    queue = [(-bound_of(search, (top, *root)), (top, *root)) for root in map(tuple, search.roots.tolist())]
+    queue = [(-bound_of(search, root), root) for root in roots_of(search)]
     heapq.heapify(queue)
     best, key = -math.inf, -1
     while queue and -queue[0][0] >= best:

@@ -61,7 +61,7 @@ def weigh(
     figures = Figures(
         log_odds=_log_odds(corrected, int(order[0]), log_off, rest),
         log_odds_field=_log_odds(field, int(order[0]), log_off, rest),
-        misfit=float(search.table[0]) - float(log_field[first]) / max(beams, 1),
+        misfit=float(search.log_p.max()) - float(log_field[first]) / max(beams, 1),
         misfit_rays=(judge.log_peak - float(log_beam[first])) / max(judge.count, 1),
         log_beams=math.log(max(beams * alpha, 1.0)),
     )

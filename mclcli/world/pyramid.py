@@ -1,7 +1,7 @@
 """Best distances in windows over a distance field: what bounds of the search are looked up in.
 
-Level h holds the least distance in windows wide enough for a block of 2^h × 2^h places, at every 2^(h−3)th cell from
-level 4 on; a distance takes one byte. All levels together take about 3.4 bytes a cell, whatever their number.
+Level h holds the least distance in windows wide enough for a block of 2^h × 2^h places: level 3 at every cell, level 5
+at every fourth, and for four angles together. A distance takes one byte; both levels take 1.1 bytes a cell.
 """
 
 from __future__ import annotations
@@ -18,18 +18,19 @@ if TYPE_CHECKING:
 
 OFF_MAP = 255  # the bin of what is off the map
 _LAST_BIN = 254
-TOP_LEVEL = 7
-_FULL_LEVELS = 3  # up to here a window at every cell, and no group of angles
+FINE = 3  # with a window at every cell, and with single angles
+COARSE = 5
+LEVELS = (FINE, COARSE)
 
 
 def angles_in(level: int) -> int:
     """Angles in a group at a level."""
-    return 1 << max(level - _FULL_LEVELS, 0)
+    return 1 << max(level - FINE, 0)
 
 
 def stride_of(level: int) -> int:
     """Cells between the windows of a level."""
-    return 1 << max(level - _FULL_LEVELS, 0)
+    return 1 << max(level - FINE, 0)
 
 
 def window_of(level: int) -> int:
@@ -38,7 +39,7 @@ def window_of(level: int) -> int:
     A block's places, the cells by which an endpoint can move within a group of angles (steps are at most one cell
     long), and those by which a window can begin before it has to.
     """
-    moved = angles_in(level) if level > _FULL_LEVELS else 0
+    moved = angles_in(level) if level > FINE else 0
     return (1 << level) + moved + stride_of(level) - 1
 
 
@@ -47,8 +48,9 @@ def window_of(level: int) -> int:
 class Pyramid:
     """Windows of all levels: ``pool`` uint8, one level after the other, and where each lies in it.
 
-    ``shapes`` (L + 1, 5) int64: start, height, width, shift and margin of every level; row 0 is unused. Entry (r, c) of
-    a level is the least bin in the window from cell ``(r − margin) << shift``, ``(c − margin) << shift``.
+    ``shapes`` (6, 5) int64: start, height, width, shift and margin of every level; rows of other levels are unused.
+    Entry (r, c) of a level is the least bin in the window from row ``(r − margin) << shift`` and column ``(c − margin)
+    << shift`` on.
     """
 
     pool: NDArray[np.uint8]
@@ -69,23 +71,17 @@ def bound_table(field: DistanceField, log_p: NDArray[np.float64]) -> NDArray[np.
     return np.maximum.accumulate(table[::-1])[::-1].copy()
 
 
-def top_level(height: int, width: int) -> int:
-    """Highest level that is of use on a map of this size."""
-    return max(1, min(TOP_LEVEL, (max(height, width) - 1).bit_length()))
-
-
 def layout(height: int, width: int) -> NDArray[np.int64]:
     """``Pyramid.shapes`` for a field of this size."""
-    shapes, start = [[0, 0, 0, 0, 0]], 0
-    for level in range(1, top_level(height, width) + 1):
+    shapes, start = np.zeros((COARSE + 1, 5), np.int64), 0
+    for level in LEVELS:
         stride = stride_of(level)
         margin = -(-(window_of(level) - 1) // stride)
         rows, columns = (margin + -(-side // stride) for side in (height, width))
-        shapes.append([start, rows, columns, stride.bit_length() - 1, margin])
+        shapes[level] = [start, rows, columns, stride.bit_length() - 1, margin]
         start += rows * columns
-    shape = np.array(shapes, np.int64)
-    shape.flags.writeable = False
-    return shape
+    shapes.flags.writeable = False
+    return shapes
 
 
 def size_of(shapes: NDArray[np.int64]) -> int:
@@ -98,11 +94,11 @@ def build(field: DistanceField) -> Pyramid:
     bins = bins_of(field)[field.codes]
     shapes = layout(*bins.shape)
     pool = np.empty(size_of(shapes), np.uint8)
-    for level, (start, rows, columns, _, margin) in enumerate(shapes.tolist()):
-        if level:
-            side, stride = window_of(level), stride_of(level)
-            windows = _windows(_windows(bins, side, stride, margin).T, side, stride, margin).T
-            pool[start : start + rows * columns] = windows.ravel()
+    for level in LEVELS:
+        start, rows, columns, _, margin = shapes[level].tolist()
+        side, stride = window_of(level), stride_of(level)
+        windows = _windows(_windows(bins, side, stride, margin).T, side, stride, margin).T
+        pool[start : start + rows * columns] = windows.ravel()
     pool.flags.writeable = False
     return Pyramid(pool, shapes)
 
