@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any, cast
 import numba as nb
 import numpy as np
 import pytest
+from scipy import special
 
-from mclcli.kernels._exponential import _exp, _log
+from mclcli.kernels._exponential import _erfc, _exp, _log
 from mclcli.kernels.trigonometry import _unsigned_angle
 
 if TYPE_CHECKING:
@@ -40,6 +41,11 @@ def log() -> Callable[..., NDArray[np.float64]]:
 
 
 @pytest.fixture(scope="module")
+def erfc() -> Callable[..., NDArray[np.float64]]:
+    return each(_erfc)
+
+
+@pytest.fixture(scope="module")
 def angle() -> Callable[..., NDArray[np.float64]]:
     return each(_unsigned_angle, 2)
 
@@ -57,6 +63,11 @@ def test_logarithms_are_within_two_units_in_the_last_place(log: Callable[..., ND
     assert log(np.array([1.0])).tolist() == [0.0]
     assert np.isnan(log(np.array([math.nan]))).all()
     assert log(np.array([math.inf])).tolist() == [math.inf]
+
+
+def test_the_error_function_is_right_to_fifteen_decimals(erfc: Callable[..., NDArray[np.float64]]) -> None:
+    x = np.concatenate([np.linspace(0.0, 10.0, 100_001), SIZES])
+    assert np.abs(erfc(x) - special.erfc(x)).max() <= 6e-16
 
 
 def test_angles_are_within_a_few_roundings_of_a_turn(angle: Callable[..., NDArray[np.float64]]) -> None:

@@ -1,4 +1,4 @@
-"""Exponential and logarithm of many numbers, in vectors: inlined into other kernels.
+"""Exponential, logarithm and error function of many numbers, in vectors: inlined into other kernels.
 
 Polynomials are minimax ones (Remez), evaluated with fused multiplications and additions that are written out: what a
 number becomes does not depend on its place in a vector. Tests state how near they are to the library's.
@@ -73,3 +73,28 @@ def _log(x):  # type: ignore[no-untyped-def]
     half, whole = 0.5 * f * f, np.float64(k)
     near = f - (half - _fma(s, half + r, whole * 1.90821492927058770002e-10))
     return _fma(whole, 6.93147180369123816490e-01, near) if abs(x) < np.inf else x
+
+
+@nb.njit(**OPTIONS)
+def _erfc(x):  # type: ignore[no-untyped-def]
+    """What the error function of x ≥ 0 lacks to 1, with an error below 6e-16.
+
+    e^(x²)·erfc(x) is a polynomial of (x − 3)/(x + 3), as in Shepherd and Laframboise 1981, Math. Comp. 36.
+    """
+    x = min(x, 5.9)
+    t = (x - 3.0) / (x + 3.0)
+    p = _fma(t, -5.654708518778327e-07, -6.196664275656342e-06)
+    p = _fma(t, p, -2.5950410700790922e-05)
+    p = _fma(t, p, -3.8009832317893766e-05)
+    p = _fma(t, p, 3.9172571178652997e-05)
+    p = _fma(t, p, 2.722545226881237e-05)
+    p = _fma(t, p, -6.067497681965105e-04)
+    p = _fma(t, p, 7.038911765076771e-04)
+    p = _fma(t, p, 4.268015370489634e-03)
+    p = _fma(t, p, -2.4392730833971324e-02)
+    p = _fma(t, p, 7.166580493230303e-02)
+    p = _fma(t, p, -1.501159392480772e-01)
+    p = _fma(t, p, 2.4560380160163794e-01)
+    p = _fma(t, p, -3.2623356004277815e-01)
+    p = _fma(t, p, 1.7900115118149615e-01)
+    return p * _exp(-(x * x))

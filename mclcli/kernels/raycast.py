@@ -157,3 +157,11 @@ def bresenham(blocked, poses, rays, limit, nav2, out):  # type: ignore[no-untype
                     found = math.sqrt(nb.float64(i * i + j * j)) / length if length > 0.0 else 0.0
                     break
             out[n, b] = found if nav2 else min(found, limit)
+
+
+@nb.njit([nb.void(nb.float64[::1], nb.float64, nb.float64, nb.float64, nb.float64)], **OPTIONS)
+def in_metres(ranges, limit, resolution, max_range, most):  # type: ignore[no-untyped-def]
+    """Replace ``ranges`` (N·B,) [cells] by metres, at most ``most``, and ``limit`` by ``max_range`` itself."""
+    for i in range(ranges.size):
+        r = max_range if ranges[i] == limit else ranges[i] * resolution
+        ranges[i] = min(r, most)

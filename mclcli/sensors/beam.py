@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from mclcli.sensors.beams import Beams
     from mclcli.world.raycast import RayCaster
 
+_IN_A_ROW = 512  # beams that the kernel goes through at a time, of one pose or of several
 _TAIL = 40.0  # standard deviations beyond which a Gaussian is 0 in double precision
 
 
@@ -140,19 +141,28 @@ class BeamModel:
         p, r_max, half_cell = self.parameters, beams.r_max, 0.5 * self.caster.resolution
         if p.beam_form != "textbook":
             return lambda expected: self._likelihood(beams.ranges, expected, r_max)
-        table, rate = beam_forms.textbook_terms(p, beams.ranges, r_max)
-        unseen = np.flatnonzero(beams.ranges >= r_max) if self._censored else np.empty(0, np.intp)
+        readings = np.tile(beams.ranges, max(1, _IN_A_ROW // max(1, beams.ranges.size)))
+        table, rate = beam_forms.textbook_terms(p, readings, r_max)
+        unseen = np.flatnonzero(readings >= r_max) if self._censored else np.empty(0, np.intp)
         kernel = compiled.load("beam_mixture").textbook
 
         def likelihood(expected: NDArray[np.float64]) -> NDArray[np.float64]:
-            weights, scratch = (p.z_hit, p.z_short, p.z_max), np.empty((2, expected.shape[1]))
-            kernel(table, unseen, r_max, half_cell, p.sigma_hit, rate, *weights, expected, scratch)
+            weights, scratch = (p.z_hit, p.z_short, p.z_max), np.empty((2, readings.size))
+            kernel(table, unseen, r_max, half_cell, p.sigma_hit, rate, *weights, expected.reshape(-1), scratch)
             return expected
 
         return likelihood
 
     def _combine(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
         return beam_forms.COMBINATIONS[self.parameters.combination](likelihood)
+
+    def _combine_many(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
+        """``_combine``, rounded otherwise; see ``likelihood_of_many``."""
+        if self.parameters.combination != "log":
+            return self._combine(likelihood)
+        out = np.zeros(likelihood.shape[0])
+        compiled.load("beam_mixture").sum_log(likelihood, beam_forms.FLOOR, out)
+        return out
 
     def _perfect(self, beams: Beams) -> NDArray[np.float64]:
         """Expected ranges (B,) that equal the readings; far beyond r_max where there was no return."""
@@ -167,8 +177,7 @@ class BeamModel:
 
         def score_block(start: int) -> None:
             block = slice(start, start + size)
-            expected = self.expected(beams, poses[block])
-            out[block] = self._combine(likelihood(expected))
+            out[block] = self._combine_many(likelihood(self.expected(beams, poses[block])))
 
         endpoints.for_each(score_block, range(0, poses.shape[0], size), self.threads)
         return out

@@ -80,10 +80,9 @@ class RayCaster:
         rays = np.column_stack([origins / self.resolution, directions])
         limit = max_range / self.resolution
         self._cast(self._to_cells(poses), rays, limit, out)
-        nothing = out == limit
-        out *= self.resolution
-        np.copyto(out, max_range, where=nothing)
-        return out if self.method == "bresenham_nav2" else np.minimum(out, max_range, out=out)
+        most = np.inf if self.method == "bresenham_nav2" else max_range
+        compiled.load("raycast").in_metres(out.reshape(-1), limit, self.resolution, max_range, most)
+        return out
 
     def _cast(
         self, poses: NDArray[np.float64], rays: NDArray[np.float64], limit: float, out: NDArray[np.float64]
