@@ -72,7 +72,7 @@ def test_the_contracts_of_the_house_hold() -> None:
         ("ruamel", ("io/",)),
         ("yaml", ()),
         ("rosbags", ("io/",)),
-        ("mcap", ("io/",)),
+        ("mcap", ()),
         ("zstandard", ("io/",)),
         ("lz4", ("io/",)),
         ("sqlite3", ("io/",)),

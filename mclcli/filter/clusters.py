@@ -53,12 +53,20 @@ def find(poses: NDArray[np.float64], weights: NDArray[np.float64], *, wrap_yaw: 
     A cluster without weight counts its particles equally. Without ``wrap_yaw`` headings of −π and π are apart.
     """
     index = bins(poses, wrap_yaw=wrap_yaw)
-    together = bool((index.max(axis=0) - index.min(axis=0) <= 1).all())  # bins that all touch, as of a tracked robot
-    component = np.zeros(len(index), np.int64) if together else _components(index, wrap_yaw=wrap_yaw)
+    component = np.zeros(len(index), np.int64) if _all_touch(index) else _components(index, wrap_yaw=wrap_yaw)
     labels, total = _heaviest_first(component, weights)
     share = _share(labels, weights, total)
     means, resultants = _means(poses, labels, share)
     return Clusters(labels, total, means, _covariances(poses, means, labels, share), resultants)
+
+
+def _all_touch(index: NDArray[np.int64]) -> bool:
+    """Whether bins (N, 3) all touch each other, as those of a tracked robot do."""
+    if not compiled.in_use():
+        return bool((index.max(axis=0) - index.min(axis=0) <= 1).all())
+    widths = np.empty(3, np.int64)
+    compiled.load("particles").widths(index, widths)
+    return bool(widths.max() <= 1)
 
 
 def _components(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64]:
@@ -112,12 +120,16 @@ def _heaviest_first(
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Labels (N,) and weights (C,) of the components in falling order of weight."""
     total = np.bincount(component, weights).astype(np.float64)
+    if total.size == 1:
+        return component, total
     order = np.argsort(-total, kind="stable")
     return np.argsort(order)[component], total[order]
 
 
 def _share(labels: NDArray[np.int64], weights: NDArray[np.float64], total: NDArray[np.float64]) -> NDArray[np.float64]:
     """Weight (N,) of each particle within its cluster."""
+    if (total > 0.0).all():
+        return weights / total[labels]
     equal = 1.0 / np.bincount(labels)
     return np.divide(weights, total[labels], out=equal[labels], where=total[labels] > 0.0)
 

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _HEADER = b"\x00\x01\x00\x00"  # representation CDR_LE, no options
+_I32, _U32 = struct.Struct("<i"), struct.Struct("<I")
 
 
 @final
@@ -22,10 +23,12 @@ class CdrWriter:
     Source: OMG DDSI-RTPS 2.5 §10 (header), OMG CORBA 3.3 part 2 §9.3 (alignment, strings, sequences).
     """
 
-    __slots__ = ("_data",)
+    __slots__ = ("_data", "_parts", "_size")
 
     def __init__(self) -> None:
         self._data = bytearray(_HEADER)
+        self._parts: list[bytes | bytearray | memoryview] = []  # what stands before it, arrays as they are
+        self._size = 0  # of those parts
 
     def boolean(self, value: bool) -> None:  # noqa: FBT001 - a field's value, not a switch
         """Put one bool."""
@@ -33,11 +36,13 @@ class CdrWriter:
 
     def i32(self, value: int) -> None:
         """Put one int32."""
-        self._pack("i", 4, value)
+        self._align(4)
+        self._data += _I32.pack(value)
 
     def u32(self, value: int) -> None:
         """Put one uint32."""
-        self._pack("I", 4, value)
+        self._align(4)
+        self._data += _U32.pack(value)
 
     def f32(self, *values: float) -> None:
         """Put float32 values, one after the other."""
@@ -60,10 +65,15 @@ class CdrWriter:
             self.string(text)
 
     def array(self, values: NDArray[Any]) -> None:
-        """Put every element of an array in C order, without a count: int8, uint8, float32, float64 or bool."""
+        """Put every element of an array in C order, without a count: int8, uint8, float32, float64 or bool.
+
+        It is copied by ``finish``: until then it must not change.
+        """
         if values.size:
             self._align(values.dtype.itemsize)
-            self._data += values.astype(values.dtype.newbyteorder("<"), order="C", copy=False).tobytes()
+            self._parts += (self._data, values.astype(values.dtype.newbyteorder("<"), order="C", copy=False).data)
+            self._size += len(self._data) + values.nbytes
+            self._data = bytearray()
 
     def sequence(self, values: NDArray[Any], count: int | None = None) -> None:
         """Put a count and then the array; ``count`` where an element of the sequence is a row of the array."""
@@ -72,11 +82,13 @@ class CdrWriter:
 
     def finish(self) -> bytes:
         """Everything put so far, with the header."""
-        return bytes(self._data)
+        return b"".join((*self._parts, self._data))
 
     def _pack(self, code: str, size: int, *values: float) -> None:
         self._align(size)
         self._data += struct.pack(f"<{len(values)}{code}", *values)
 
     def _align(self, size: int) -> None:
-        self._data += bytes(-(len(self._data) - len(_HEADER)) % size)
+        over = (self._size + len(self._data) - len(_HEADER)) % size
+        if over:
+            self._data += bytes(size - over)

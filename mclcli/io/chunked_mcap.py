@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, BinaryIO, Generic, TypeVar, cast, final
-
-from mcap.writer import CompressionType, Writer
+from typing import TYPE_CHECKING, Generic, TypeVar, final
 
 from mclcli.errors import InputError
+from mclcli.io.mcap_writer import McapWriter
 from mclcli.io.writers import stamp_text
 from mclcli.version import __version__
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from mclcli.io.mcap_writer import Compressor
     from mclcli.io.writers import BinarySink
 
 Key = TypeVar("Key")
@@ -92,7 +92,6 @@ class ChunkedMcap(Generic[Key]):
     __slots__ = (
         "_channels",
         "_chunk_bytes",
-        "_counts",
         "_done",
         "_pending",
         "_schemas",
@@ -106,25 +105,23 @@ class ChunkedMcap(Generic[Key]):
         self,
         sink: BinarySink,
         streams: Mapping[Key, Stream],
+        compressor: Compressor,
         *,
         profile: str = "ros2",
         records: Mapping[str, Mapping[str, str]],
         attached: tuple[str, str] | None = None,
         chunk_bytes: int = CHUNK_BYTES,
     ) -> None:
-        # Only flush() may end a chunk: with this size the library never does by itself.
-        self._writer: Any = Writer(cast("BinaryIO", _Counted(sink)), 1 << 62, CompressionType.ZSTD)
-        self._writer.start(profile=profile, library=f"mclcli {__version__}")
+        self._writer = McapWriter(sink, compressor, profile=profile, library=f"mclcli {__version__}")
         for name, pairs in records.items():
             self._writer.add_metadata(name, {key: _utf8(value) for key, value in pairs.items()})
         if attached:
             name, text = attached
-            self._writer.add_attachment(0, 0, name, "application/yaml", _utf8(text).encode())
+            self._writer.attach(name, "application/yaml", _utf8(text).encode())
         self._streams = streams
         self._chunk_bytes = chunk_bytes
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[Key, int] = {}
-        self._counts: dict[Key, int] = {}
         self._pending: list[tuple[int, int, Key, bytes]] = []
         self._size = 0
         self._worker: ThreadPoolExecutor | None = ThreadPoolExecutor(1, "mcl-mcap")
@@ -168,9 +165,8 @@ class ChunkedMcap(Generic[Key]):
     def _write(self, chunk: list[tuple[int, int, Key, bytes]]) -> None:
         for log_time_ns, publish_ns, key, data in chunk:
             channel = self._channels.get(key) or self._register(key)
-            self._counts[key] = sequence = self._counts.get(key, -1) + 1
-            self._writer.add_message(channel, log_time_ns, data, publish_ns, sequence)
-        self._writer.flush()
+            self._writer.add_message(channel, log_time_ns, publish_ns, data)
+        self._writer.end_chunk()
 
     def _register(self, key: Key) -> int:
         stream = self._streams[key]
@@ -178,27 +174,9 @@ class ChunkedMcap(Generic[Key]):
         if schema not in self._schemas:
             self._schemas[schema] = self._writer.register_schema(*schema) if stream.type else 0
         metadata = dict(stream.metadata)
-        channel: int = self._writer.register_channel(stream.topic, stream.encoding, self._schemas[schema], metadata)
+        channel = self._writer.register_channel(stream.topic, stream.encoding, self._schemas[schema], metadata)
         self._channels[key] = channel
         return channel
-
-
-@final
-class _Counted:
-    """A stream that knows how far it has been written; pipes do not."""
-
-    __slots__ = ("_count", "_stream", "flush")
-
-    def __init__(self, stream: BinarySink) -> None:
-        self._stream, self._count, self.flush = stream, 0, stream.flush
-
-    def write(self, data: bytes) -> int:
-        self._stream.write(data)
-        self._count += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        return self._count
 
 
 def _utf8(text: str) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError
 from mclcli.io.chunked_mcap import ROSBAG2, ChunkedMcap, Stream
+from mclcli.io.mcap_writer import standard
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -43,7 +44,9 @@ class RecoveredMcap:
         streams = {channel: _stream(channel) for channel in channels}
         profile = _PROFILES.get(frozenset(channel.encoding for channel in streams), "")
         records = {"rosbag2": {"serialized_metadata": ROSBAG2}} if any(map(_has_numbers, streams.values())) else {}
-        return cls(ChunkedMcap(sink, streams, profile=profile, records=records, chunk_bytes=CHUNK_BYTES), streams)
+        return cls(
+            ChunkedMcap(sink, streams, standard(), profile=profile, records=records, chunk_bytes=CHUNK_BYTES), streams
+        )
 
     def write(self, message: RawMessage) -> bool:
         """Append one message; False if its time cannot be written."""

@@ -9,6 +9,7 @@ import numpy as np
 from mclcli import se2, se3
 from mclcli.io import trace_messages as messages
 from mclcli.io.chunked_mcap import ROSBAG2, ChunkedMcap, ros2_stream
+from mclcli.io.mcap_writer import for_clouds
 from mclcli.io.writers import require_finite
 from mclcli.records import Transform
 
@@ -70,7 +71,9 @@ class TraceMcap:
             "mcl": {**metadata, "rounding": messages.ROUNDING},
             "rosbag2": {"serialized_metadata": ROSBAG2},
         }
-        self._file = ChunkedMcap(stream, _STREAMS, records=records, attached=("parameters.yaml", parameters_yaml))
+        self._file = ChunkedMcap(
+            stream, _STREAMS, for_clouds(), records=records, attached=("parameters.yaml", parameters_yaml)
+        )
 
     def transforms(self, stamp_ns: int, transforms: Sequence[Transform]) -> None:
         """Pass on one recorded /tf message, received at ``stamp_ns``."""
@@ -135,15 +138,15 @@ class TraceMcap:
         require_finite("estimate", record.estimate.pose)
         require_finite("covariance", record.estimate.covariance)
         stamp, frame = record.stamp_ns, self._map
-        poses = messages.rounded_poses(record.poses)
+        poses, particles = messages.rounded_clouds(record.poses, record.weights)
         found = record.hypotheses()
         places = messages.planar_poses(np.array([h.estimate.pose for h in found]).reshape(-1, 3))
-        shares = np.array([h.weight for h in found])
+        hypotheses = np.column_stack([places, [h.weight for h in found]])
         return [
             ("/amcl_pose", messages.pose_with_covariance(stamp, frame, record.estimate)),
             ("/mcl/step", messages.step(record, frame)),
-            ("/mcl/hypotheses", messages.particle_cloud(stamp, frame, places, shares)),
+            ("/mcl/hypotheses", messages.particle_cloud(stamp, frame, hypotheses)),
             # The cloud repeats the array's bytes: in this order, next to each other, the two compress best.
             ("/particlecloud", messages.pose_array(stamp, frame, poses)),
-            ("/particle_cloud", messages.particle_cloud(stamp, frame, poses, record.weights)),
+            ("/particle_cloud", messages.particle_cloud(stamp, frame, particles)),
         ]

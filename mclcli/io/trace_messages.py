@@ -5,14 +5,17 @@ Definitions follow common_interfaces, tf2_msgs and nav2_msgs (fields only, comme
 
 from __future__ import annotations
 
+import math
 import re
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from mclcli import compiled
 from mclcli.errors import InputError
 from mclcli.io.cdr import CdrWriter
 from mclcli.io.writers import NANOSECONDS, stamp_text
+from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -54,6 +57,7 @@ _FIELDS = {
         "bool degenerate\nuint32 beams_used\nstring[] sensors\nfloat64[] alphas\nfloat32[] log_likelihoods"
     ),
 }
+_PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 × 6 covariance
 _NESTED = re.compile(r"^(\w+/\w+)(?:\[\d*\])? ", re.MULTILINE)
 
 ROUNDING = "particles: x, y to 2^-20 m, quaternions to 2^-24; log_likelihoods to 2^-20, then float32; all else exact"
@@ -103,31 +107,45 @@ def planar_poses(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows
 
 
-def rounded_poses(poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """``planar_poses`` rounded as ``ROUNDING`` says, so that their last bytes are zero and chunks compress."""
-    rows = planar_poses(poses)
-    rows[:, :2] = np.ldexp(np.rint(np.ldexp(rows[:, :2], 20)), -20)
-    rows[:, 5:] = np.ldexp(np.rint(np.ldexp(rows[:, 5:], 24)), -24)
-    return rows
+def rounded_clouds(
+    poses: NDArray[np.float64], weights: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """``planar_poses`` (N, 7), and the same with their weights (N, 8), rounded as ``ROUNDING`` says.
+
+    So their last bytes are zero and chunks compress.
+    """
+    particles = np.zeros((len(poses), 8))
+    if compiled.in_use():
+        rows, scratch = np.empty((len(poses), 7)), np.empty((3, 512))
+        kernel, poses = compiled.load("clouds").rounded_rows, np.ascontiguousarray(poses)
+        kernel(poses, np.ascontiguousarray(weights), 2.0**20, 2.0**24, rows, particles, scratch)
+        return rows, particles
+    particles[:, :2], particles[:, 7] = _rounded(poses[:, :2], 20), weights
+    cos, sin = cos_sin(0.5 * poses[:, 2])
+    particles[:, 5], particles[:, 6] = _rounded(sin, 24), _rounded(cos, 24)
+    return np.ascontiguousarray(particles[:, :7]), particles
 
 
-def quaternion(rotation: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rounded(values: NDArray[np.float64], bits: int) -> NDArray[np.float64]:
+    """Values to the nearest multiple of 2^-bits."""
+    return np.asarray(np.rint(values * 2.0**bits) * 2.0**-bits)
+
+
+def quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
     """Unit quaternion (x, y, z, w), w ≥ 0, of a rotation matrix (3, 3) or the upper left of a (4, 4).
 
     Source: Shepperd 1978: of the four ways to read it off, the one with the largest divisor.
     """
     ((a, b, c), (d, e, f), (g, h, i)) = rotation[:3, :3].tolist()
-    candidates = np.array(
-        [
-            [1 + a - e - i, b + d, c + g, h - f],
-            [b + d, 1 - a + e - i, f + h, c - g],
-            [c + g, f + h, 1 - a - e + i, d - b],
-            [h - f, c - g, d - b, 1 + a + e + i],
-        ]
+    candidates = (
+        (1 + a - e - i, b + d, c + g, h - f),
+        (b + d, 1 - a + e - i, f + h, c - g),
+        (c + g, f + h, 1 - a - e + i, d - b),
+        (h - f, c - g, d - b, 1 + a + e + i),
     )
-    q = candidates[int(np.argmax(np.diag(candidates)))]
-    unit: NDArray[np.float64] = q / np.copysign(np.sqrt(q @ q), q[3])
-    return unit
+    _, q = max((candidates[k][k], candidates[k]) for k in (3, 0, 1, 2))
+    length = math.copysign(math.sqrt(sum([v * v for v in q])), q[3])
+    return tuple([v / length for v in q])
 
 
 def occupancy_grid(stamp_ns: int, frame: str, grid: Grid) -> bytes:
@@ -138,7 +156,7 @@ def occupancy_grid(stamp_ns: int, frame: str, grid: Grid) -> bytes:
     height, width = grid.cells.shape
     message.u32(width)
     message.u32(height)
-    message.array(planar_poses(np.asarray(grid.origin, dtype=np.float64)[np.newaxis]))
+    _pose(message, np.asarray(grid.origin, dtype=np.float64))
     message.sequence(np.asarray(grid.cells, dtype=np.int8))
     return message.finish()
 
@@ -150,31 +168,31 @@ def tf_message(transforms: Sequence[Transform]) -> bytes:
     for transform in transforms:
         _header(message, transform.stamp_ns, transform.parent)
         message.string(transform.child)
-        message.f64(*transform.parent_from_child[:3, 3].tolist(), *quaternion(transform.parent_from_child).tolist())
+        message.f64(*transform.parent_from_child[:3, 3].tolist(), *quaternion(transform.parent_from_child))
     return message.finish()
 
 
 def pose_stamped(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> bytes:
     """geometry_msgs/PoseStamped."""
     message = _with_header(stamp_ns, frame)
-    message.array(planar_poses(pose[np.newaxis]))
+    _pose(message, pose)
     return message.finish()
 
 
 def pose_with_covariance(stamp_ns: int, frame: str, estimate: Estimate) -> bytes:
     """geometry_msgs/PoseWithCovarianceStamped; the covariance's rows are x, y, z, roll, pitch, yaw."""
     covariance = np.zeros((6, 6))
-    covariance[np.ix_([0, 1, 5], [0, 1, 5])] = estimate.covariance
+    covariance[_PLANAR] = estimate.covariance
     message = _with_header(stamp_ns, frame)
-    message.array(planar_poses(estimate.pose[np.newaxis]))
+    _pose(message, estimate.pose)
     message.array(covariance)
     return message.finish()
 
 
-def particle_cloud(stamp_ns: int, frame: str, poses: NDArray[np.float64], weights: NDArray[np.float64]) -> bytes:
-    """nav2_msgs/ParticleCloud of poses (N, 7) and weights (N,)."""
+def particle_cloud(stamp_ns: int, frame: str, particles: NDArray[np.float64]) -> bytes:
+    """nav2_msgs/ParticleCloud of poses and weights (N, 8)."""
     message = _with_header(stamp_ns, frame)
-    message.sequence(np.column_stack([poses, weights]), count=len(poses))
+    message.sequence(particles, count=len(particles))
     return message.finish()
 
 
@@ -196,8 +214,7 @@ def step(record: StepRecord, frame: str) -> bytes:
     message.u32(record.beams_used)
     message.strings(record.sensors)
     message.sequence(np.asarray(record.alphas, dtype=np.float64))
-    logs = np.ldexp(np.rint(np.ldexp(record.log_likelihoods, 20)), -20)
-    message.sequence(logs.astype(np.float32))
+    message.sequence(_rounded(record.log_likelihoods, 20).astype(np.float32))
     return message.finish()
 
 
@@ -209,6 +226,12 @@ def laser_scan(scan: LaserScan) -> bytes:
     message.sequence(scan.ranges.astype(np.float32))
     message.sequence(np.empty(0, dtype=np.float32))
     return message.finish()
+
+
+def _pose(message: CdrWriter, pose: NDArray[np.float64]) -> None:
+    """geometry_msgs/Pose of a planar pose (3,)."""
+    x, y, yaw = pose.tolist()
+    message.f64(x, y, 0.0, 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))
 
 
 def _with_header(stamp_ns: int, frame: str) -> CdrWriter:

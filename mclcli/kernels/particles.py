@@ -64,6 +64,16 @@ def bins(poses, side, turn, yaw_bins, out):  # type: ignore[no-untyped-def]
             out[n, 2] = np.int64(np.floor(poses[n, 2] / turn))
 
 
+@nb.njit([nb.void(_BINS, nb.int64[::1])], **OPTIONS)
+def widths(bins, out):  # type: ignore[no-untyped-def]
+    """Fill ``out`` (3,) with the greatest less the least of each column of ``bins`` (N, 3), N ≥ 1."""
+    for k in range(3):
+        least = greatest = bins[0, k]
+        for n in range(1, bins.shape[0]):
+            least, greatest = min(least, bins[n, k]), max(greatest, bins[n, k])
+        out[k] = greatest - least
+
+
 @nb.njit(**OPTIONS)
 def _slot(x, y, yaw, size):  # type: ignore[no-untyped-def]
     """Where to look for a bin in a table of 2^k places: odd multipliers spread neighbours (Knuth, TAOCP 6.4)."""
