@@ -69,7 +69,7 @@ def sum_table(
     """
     ends = _in_cells(field, endpoints)
     steps = max(job_size, poses.shape[0] * ends.shape[1])
-    add, block = (_add_compiled, COMPILED_BLOCK) if _is_compiled(field, steps) else (add_table, BLOCK)
+    add, block = (_add_compiled, COMPILED_BLOCK) if is_compiled(field, steps) else (add_table, BLOCK)
     out = np.zeros(poses.shape[0])
 
     def sum_block(start: int) -> None:
@@ -84,7 +84,8 @@ def _in_cells(field: DistanceField, endpoints: NDArray[np.float64]) -> NDArray[n
     return np.divide(endpoints.T, field.resolution, order="C")
 
 
-def _is_compiled(field: DistanceField, steps: float) -> bool:
+def is_compiled(field: DistanceField, steps: float) -> bool:
+    """Whether a job of so many pose·beam pairs over this field takes the compiled path."""
     return compiled.worth_compiling(steps) and field.codes.size < _CELLS_OF_A_KERNEL
 
 
@@ -129,6 +130,30 @@ def _add_compiled(
     kernel(field.codes.ravel(), *field.codes.shape, table, *anchoring.frame(field), poses, ends.ravel(), out, *scratch)
 
 
+def sum_interpolated(
+    field: DistanceField,
+    law: NDArray[np.float64],
+    endpoints: NDArray[np.float64],
+    poses: NDArray[np.float64],
+    *,
+    cubes: bool,
+    anchoring: Anchoring = CORNER,
+    threads: int = 1,
+) -> NDArray[np.float64]:
+    """Σ_b log p (N,), or Σ_b p³, of distances interpolated between cells, by the kernel of that name, which see."""
+    ends, frame = _in_cells(field, endpoints).ravel(), anchoring.frame(field)
+    out, poses = np.zeros(poses.shape[0]), np.ascontiguousarray(poses)
+    kernel = compiled.load("interpolated_field").sum_interpolated
+
+    def sum_block(start: int) -> None:
+        block, scratch = slice(start, start + COMPILED_BLOCK), (np.empty((11, 256)), np.empty((1, 256), np.int32))
+        about = (field.codes.ravel(), *field.codes.shape, field.levels, *frame)
+        kernel(*about, poses[block], ends, law, cubes, out[block], *scratch)
+
+    for_each(sum_block, range(0, poses.shape[0], COMPILED_BLOCK), threads)
+    return out
+
+
 def look_up(
     field: DistanceField,
     endpoints: NDArray[np.float64],
@@ -140,7 +165,7 @@ def look_up(
     """Code (B, N) of the cell where each beam ends, the number of levels off the map; arguments as of ``sum_table``."""
     ends, off_map = _in_cells(field, endpoints), field.levels.size
     found = np.empty((ends.shape[1], poses.shape[0]), field.codes.dtype)
-    if _is_compiled(field, max(job_size, found.size)):
+    if is_compiled(field, max(job_size, found.size)):
         scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
         kernel, poses = compiled.load("likelihood_field").look_up, np.ascontiguousarray(poses)
         frame = anchoring.frame(field)

@@ -149,6 +149,14 @@ class LikelihoodField:
         p = self.parameters
         return p.z_hit / (p.sigma_hit * math.sqrt(2.0 * math.pi)) if p.hit_normalised == "yes" else p.z_hit
 
+    def _law(self, r_max: float) -> NDArray[np.float64]:
+        """``likelihood`` as the kernel ``interpolated_field`` has it, which see."""
+        p, furthest = self.parameters, self.field.max_dist
+        factor = max(-0.5 / p.sigma_hit / p.sigma_hit, -1e300)
+        off_map = float(self.likelihood(np.array([np.inf]), r_max)[0])
+        unknown = self._square_of_uniform(r_max)
+        return np.array([factor, self._amplitude, p.z_rand / r_max, off_map, unknown, furthest, FLOOR])
+
     def term(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
         """What a beam adds to the sum: log p, or p³."""
         return likelihood**3 if self._cubes else floored_log(likelihood, FLOOR)
@@ -208,6 +216,18 @@ class LikelihoodField:
         return np.log1p(total) if self._cubes else total
 
     def _sum_bilinear(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Sum (N,) over beams of log p or p³; the compiled loop rounds otherwise than NumPy."""
+        steps = max(self.job_size, poses.shape[0] * beams.ranges.size)
+        if self.parameters.field_precision == "double" and endpoints.is_compiled(self.field, steps):
+            return endpoints.sum_interpolated(
+                self.field,
+                self._law(beams.r_max),
+                beams.endpoints,
+                poses,
+                cubes=self._cubes,
+                anchoring=self._anchoring,
+                threads=self.threads,
+            )
         out = np.empty(poses.shape[0])
         size = max(1, endpoints.PAIRS // max(1, beams.ranges.size))
 

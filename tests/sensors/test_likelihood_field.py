@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,7 @@ from mclcli.sensors import beams
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.likelihood_field import FLOOR, LikelihoodField, LikelihoodFieldParameters
 from mclcli.world import distance_field
+from mclcli.world.occupancy import UNKNOWN, OccupancyGrid
 from tests.reference.sensors import endpoints_of, exact_distances, field_log_p
 from tests.support import grid_of, scan_of, use_compiled
 
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.records import LaserScan
-    from mclcli.world.occupancy import OccupancyGrid
 
 GENERATOR = np.random.default_rng(11)
 ROOM = GENERATOR.random((30, 40)) < 0.05
@@ -233,3 +234,48 @@ def test_the_peak_is_the_score_of_a_perfect_fit() -> None:
     measurement = model_over(grid).measure("lidar", selected, 0.25)
     assert measurement.log_likelihood(np.array([[4.5, 4.5, 0.3]]))[0] == pytest.approx(measurement.log_peak)
     assert (measurement.count, measurement.alpha, measurement.sensor) == (3, 0.25, "lidar")
+
+
+CHANGES: list[dict[str, float | str]] = [
+    {},
+    {"combination": "one_plus_cubes"},
+    {"off_map": "uniform", "hit_normalised": "yes"},
+    {"field_unknown": "uniform", "z_rand": 0.05},
+    {"sigma_hit": 1e-20, "z_rand": 0.0, "hit_normalised": "yes"},
+    {"sigma_hit": 1e-100},
+    {"field_anchor": "half_cell"},
+]
+
+
+@pytest.mark.parametrize("changes", CHANGES, ids=lambda c: "-".join(map(str, c.values())))
+@pytest.mark.parametrize("code", [np.uint16, np.uint32])
+def test_both_paths_interpolate_alike(
+    monkeypatch: pytest.MonkeyPatch, changes: dict[str, float | str], code: type[np.uint16 | np.uint32]
+) -> None:
+    grid = grid_of(ROOM, RESOLUTION, (-3.0, -2.0, 0.4))
+    marked = changes.get("field_unknown") == "uniform"
+    cells = np.where(np.random.default_rng(2).random(ROOM.shape) < 0.1, UNKNOWN, grid.cells) if marked else grid.cells
+    grid = OccupancyGrid(cells.astype(np.int8), grid.resolution, grid.origin)
+    field = distance_field.compute(grid, "exact", MAX_DIST, mark_unknown=marked)
+    codes: NDArray[np.uint16] | NDArray[np.uint32] = field.codes.astype(code)  # type: ignore[assignment]
+    field = dataclasses.replace(field, codes=codes)
+    parameters = dataclasses.replace(PARAMETERS, field_lookup="bilinear", **changes)  # type: ignore[arg-type]
+    near = np.column_stack([GENERATOR.uniform(1, 3, 300), GENERATOR.uniform(2, 3, 300), GENERATOR.uniform(-4, 4, 300)])
+    selected = beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY)
+    found = []
+    for always in (False, True):
+        use_compiled(monkeypatch, always=always)
+        score = LikelihoodField(field, parameters, threads=2).measure("lidar", selected).log_likelihood
+        found.append(np.concatenate([score(POSES), score(near)]))
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("combination", ["log", "one_plus_cubes"])
+def test_interpolated_bits_do_not_depend_on_the_company(monkeypatch: pytest.MonkeyPatch, combination: str) -> None:
+    use_compiled(monkeypatch, always=True)
+    parameters = dataclasses.replace(PARAMETERS, field_lookup="bilinear", combination=combination)
+    model = LikelihoodField(model_over(grid_of(ROOM, RESOLUTION, ORIGIN)).field, parameters)
+    score = model.measure("lidar", beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY)).log_likelihood
+    together, order = score(POSES), np.random.default_rng(6).permutation(len(POSES))
+    assert (score(POSES[order]) == together[order]).all()
+    assert [score(POSES[n : n + 1])[0] for n in (0, 17, 255, 256, 299)] == together[[0, 17, 255, 256, 299]].tolist()

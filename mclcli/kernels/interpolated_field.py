@@ -1,0 +1,119 @@
+"""Sum of likelihoods of scan endpoints over a distance field that is interpolated between the centres of four cells.
+
+What bounds it: eight look-ups a particle and beam, four codes and their distances, and an exponential in vectors.
+Sixteen likelihoods are multiplied before a logarithm is taken.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numba as nb
+import numpy as np
+
+from mclcli.kernels import OPTIONS
+from mclcli.kernels._exponential import _exp, _log
+from mclcli.kernels.likelihood_field import _clearance, _longest, _place
+
+_BLOCK = 256  # particles whose sums stay in the first-level cache while all beams pass over them
+_FACTORS = 16  # of 1e-12 to 1e18: their product neither vanishes nor overflows
+_FLAT = nb.types.Array(nb.float64, 1, "C", readonly=True)
+_POSES = nb.types.Array(nb.float64, 2, "C", readonly=True)
+
+
+def _signature(code: nb.types.Type) -> object:
+    codes, scratch = nb.types.Array(code, 1, "C", readonly=True), (nb.float64[:, ::1], nb.int32[:, ::1])
+    size, frame = (nb.int64, nb.int64), (nb.float64,) * 7
+    return nb.void(codes, *size, _FLAT, *frame, _POSES, _FLAT, _FLAT, nb.boolean, nb.float64[::1], *scratch)
+
+
+@nb.njit(**OPTIONS)
+def _between_cells(block, size, end_x, end_y, width, cells):  # type: ignore[no-untyped-def]
+    """The lower left of the four nearest cells, and how far beyond its centre, where all four are on the map."""
+    x, y, cos, sin, u, v = block[0], block[1], block[2], block[3], block[4], block[5]
+    for i in range(size):
+        column = x[i] + (cos[i] * end_x - sin[i] * end_y) - 0.5
+        row = y[i] + (sin[i] * end_x + cos[i] * end_y) - 0.5
+        left, below = np.int32(column), np.int32(row)
+        u[i], v[i] = column - left, row - below
+        cells[0, i] = np.int32(np.int32(below * width) + left)
+
+
+@nb.njit(**OPTIONS)
+def _distances(codes, levels, block, size, width, cells):  # type: ignore[no-untyped-def]
+    """Interpolated distances, where all cells are on the map; looked up first, so that the rest is done in vectors."""
+    u, v, at, found = block[4], block[5], cells[0], block[6]
+    first, second, third, fourth = block[6], block[7], block[8], block[9]
+    for i in range(size):
+        cell = nb.uint32(at[i])
+        first[i], second[i] = levels[codes[cell]], levels[codes[nb.uint32(cell + 1)]]
+        cell = nb.uint32(cell + width)
+        third[i], fourth[i] = levels[codes[cell]], levels[codes[nb.uint32(cell + 1)]]
+    for i in range(size):
+        lower = (1.0 - u[i]) * first[i] + u[i] * second[i]
+        upper = (1.0 - u[i]) * third[i] + u[i] * fourth[i]
+        found[i] = (1.0 - v[i]) * lower + v[i] * upper
+
+
+@nb.njit(**OPTIONS)
+def _distances_anywhere(codes, levels, block, size, end_x, end_y, width, height):  # type: ignore[no-untyped-def]
+    """Interpolated distances, cells beside the map as those at its border; +inf for endpoints off the map."""
+    x, y, cos, sin, found = block[0], block[1], block[2], block[3], block[6]
+    for i in range(size):
+        column = x[i] + (cos[i] * end_x - sin[i] * end_y)
+        row = y[i] + (sin[i] * end_x + cos[i] * end_y)
+        found[i] = np.inf
+        if (column >= 0.0) & (column < width) & (row >= 0.0) & (row < height):
+            first, second = np.floor(column - 0.5), np.floor(row - 0.5)
+            u, v = column - 0.5 - first, row - 0.5 - second
+            left, right = max(nb.int64(first), 0), min(nb.int64(first) + 1, width - 1)
+            below, above = max(nb.int64(second), 0) * width, min(nb.int64(second) + 1, height - 1) * width
+            lower = (1.0 - u) * levels[codes[below + left]] + u * levels[codes[below + right]]
+            upper = (1.0 - u) * levels[codes[above + left]] + u * levels[codes[above + right]]
+            found[i] = (1.0 - v) * lower + v * upper
+
+
+@nb.njit(**OPTIONS)
+def _combine(found, size, law, cubes, result):  # type: ignore[no-untyped-def]
+    """Multiply ``result`` by p of each distance, or add p³."""
+    factor, amplitude, rest, off_map, unknown = law[0], law[1], law[2], law[3], law[4]
+    furthest, floor = law[5], law[6]
+    for i in range(size):
+        d = min(found[i], furthest)
+        square = unknown if math.isnan(d) else d * d
+        p = amplitude * _exp(factor * square) + rest
+        p = off_map if found[i] == np.inf else p
+        result[i] = result[i] + p * p * p if cubes else result[i] * max(p, floor)
+
+
+@nb.njit([_signature(code) for code in (nb.uint16, nb.uint32)], **OPTIONS)
+def sum_interpolated(  # type: ignore[no-untyped-def]
+    codes, height, width, levels, origin_x, origin_y, cos, sin, yaw, resolution, shift, poses, ends, law, cubes, out,
+    block, cells,
+):  # fmt: skip
+    """Add to ``out`` (N,) the sum over beams of log max(p, floor), or of p³ with ``cubes``.
+
+    p = amplitude·e^(factor·d²) + rest with d the distance at the endpoint, at most the furthest [m]. ``codes`` (H·W,)
+    unsigned, less than 2³¹ of them; ``levels`` (L,) [m], NaN for unknown cells; then where the cells lie (see
+    ``endpoints.Anchoring.frame``); ``poses`` (N, 3) in map; ``ends`` (2·B,) [cells]: x of all endpoints from the base,
+    then y. ``law`` (7,): factor ≤ 0 [1/m²], amplitude, rest, p off the map, d² [m²] that stands for unknown, furthest
+    distance, floor. Scratch: ``block`` (11, 256), ``cells`` (1, 256).
+    """
+    wide = np.int32(width)
+    end_x, end_y = ends[: ends.size // 2], ends[ends.size // 2 :]
+    most = _FACTORS if max(law[1] + law[2], law[3]) < 1e18 else 1
+    for start in range(0, poses.shape[0], _BLOCK):
+        size, total, result = min(_BLOCK, poses.shape[0] - start), out[start : start + _BLOCK], block[10]
+        _place(poses[start : start + size], origin_x, origin_y, cos, sin, yaw, resolution, shift, block)
+        clearance = _clearance(block[0, :size], block[1, :size], block[2], block[3], width, height)
+        for first in range(0, end_x.size, most):
+            result[:] = 0.0 if cubes else 1.0
+            for b in range(first, min(first + most, end_x.size)):
+                if _longest(end_x[b : b + 1], end_y[b : b + 1]) + 1.0 < clearance:
+                    _between_cells(block, size, end_x[b], end_y[b], wide, cells)
+                    _distances(codes, levels, block, size, wide, cells)
+                else:
+                    _distances_anywhere(codes, levels, block, size, end_x[b], end_y[b], width, height)
+                _combine(block[6], size, law, cubes, result)
+            for i in range(size):
+                total[i] += result[i] if cubes else _log(result[i])
