@@ -132,4 +132,5 @@ def _processor_features() -> str:
     """What LLVM is to use of this processor: also its longest vectors, which early ones that had them ran slowly."""
     import llvmlite.binding as llvm
 
-    return f"{llvm.get_host_cpu_features().flatten()},-prefer-256-bit"
+    features = llvm.get_host_cpu_features()
+    return str(features.flatten()) + (",-prefer-256-bit" if features.get("avx512f") else "")

@@ -1,7 +1,8 @@
 """Exponential, logarithm and error function of many numbers, in vectors: inlined into other kernels.
 
 Polynomials are minimax ones (Remez), evaluated with fused multiplications and additions that are written out: what a
-number becomes does not depend on its place in a vector. Tests state how near they are to the library's.
+number becomes does not depend on its place in a vector. Processors before 2013 lack the instruction and take the C
+library's function, slowly. Tests state how near these are to the library's.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
+from mclcli.kernels._cells import _clearance, _longest, _place
 from mclcli.kernels._exponential import _exp, _log
-from mclcli.kernels.likelihood_field import _clearance, _longest, _place
 
 _BLOCK = 256  # particles whose sums stay in the first-level cache while all beams pass over them
 _FACTORS = 16  # of 1e-12 to 1e18: their product neither vanishes nor overflows

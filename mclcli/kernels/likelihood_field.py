@@ -7,18 +7,13 @@ four beams share one pass over the sums; where a block of particles stays clear 
 
 from __future__ import annotations
 
-import math
-
 import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels.trigonometry import _cos_sin
+from mclcli.kernels._cells import _clearance, _longest, _place
 
 _BLOCK = 256  # particles whose sums stay in the first-level cache while all beams pass over them
-_FAR = 1e9  # cells; beyond, whole numbers of 32 bits would not do
-
-
 _TABLE = nb.types.Array(nb.float64, 1, "C", readonly=True)
 
 
@@ -26,34 +21,6 @@ def _signature(code: nb.types.Type, *between: nb.types.Type) -> object:
     frame, scratch = (nb.float64,) * 7, (nb.float64[:, ::1], nb.int32[:, ::1])
     codes, poses = nb.types.Array(code, 1, "C", readonly=True), nb.types.Array(nb.float64, 2, "C", readonly=True)
     return nb.void(codes, nb.int64, nb.int64, between[0], *frame, poses, _TABLE, between[1], *scratch)
-
-
-@nb.njit(**OPTIONS)
-def _place(poses, origin_x, origin_y, cos, sin, yaw, resolution, shift, block):  # type: ignore[no-untyped-def]
-    """Columns, rows, cosines and sines of poses in the frame of the map's cells; see ``endpoints.Anchoring``."""
-    angles = block[4]
-    for i in range(poses.shape[0]):
-        dx, dy = poses[i, 0] - origin_x, poses[i, 1] - origin_y
-        block[0, i] = (cos * dx + sin * dy) / resolution + shift
-        block[1, i] = (cos * dy - sin * dx) / resolution + shift
-        angles[i] = poses[i, 2] - yaw
-    _cos_sin(angles[: poses.shape[0]], block[2], block[3])
-
-
-@nb.njit(**OPTIONS)
-def _clearance(x, y, cos, sin, width, height):  # type: ignore[no-untyped-def]
-    """How long a beam may be for every particle's endpoint to be on the map; below 0 if one is no proper pose.
-
-    In whole cells, rounded down: minima of whole numbers are found in vectors.
-    """
-    wide, high, least = nb.float64(width), nb.float64(height), np.int32(_FAR)
-    for i in range(x.size):
-        room = min(min(x[i], wide - x[i]), min(y[i], high - y[i]))
-        length = cos[i] * cos[i] + sin[i] * sin[i]
-        proper = (abs(x[i]) < _FAR) & (abs(y[i]) < _FAR) & (length < 1.001)
-        cells = np.int32(room) if proper else np.int32(0)
-        least = min(least, cells)
-    return least / 1.001 - 0.001
 
 
 @nb.njit(**OPTIONS)
@@ -87,14 +54,6 @@ def _cells(block, size, end_x, end_y, width, height, cells):  # type: ignore[no-
         row = y[i] + (sin[i] * end_x + cos[i] * end_y)
         inside = (column >= 0.0) & (column < right) & (row >= 0.0) & (row < top)
         cells[i] = _cell(x[i], y[i], cos[i], sin[i], end_x, end_y, width) if inside else np.int32(-1)
-
-
-@nb.njit(**OPTIONS)
-def _longest(end_x, end_y):  # type: ignore[no-untyped-def]
-    square = 0.0
-    for k in range(end_x.size):
-        square = max(square, end_x[k] * end_x[k] + end_y[k] * end_y[k])
-    return math.sqrt(square)
 
 
 @nb.njit([_signature(code, _TABLE, nb.float64[::1]) for code in (nb.uint16, nb.uint32)], **OPTIONS)
