@@ -135,22 +135,21 @@ def _judge(
     spacing = np.array([cell, cell, search.lattice.step])
     total = float(peaks.masses.sum()) + peaks.rest + found.pruned
     shares = calibrated(weighed)[0]
-    modes = []
-    for rank, number in enumerate(weighed.order[:k].tolist()):
-        pose, covariance = refine.refine(scene.model, view.beams, nodes[number], spacing, alpha)
-        modes.append(
-            Mode(
-                pose=pose,
-                covariance=covariance,
-                node=nodes[number],
-                log_likelihood=float(peaks.values[number]),
-                log_beam=float(weighed.log_beam[number]) if number < weighed.log_beam.size else math.nan,
-                share=float(shares[rank]),
-                low=float(peaks.masses[number]) / total,
-                high=(float(peaks.masses[number]) + found.pruned) / total,
-            )
+    foremost = weighed.order[:k]
+    poses, covariances = refine.refine(scene.model, view.beams, nodes[foremost], spacing, alpha)
+    return tuple(
+        Mode(
+            pose=poses[rank],
+            covariance=covariances[rank],
+            node=nodes[number],
+            log_likelihood=float(peaks.values[number]),
+            log_beam=float(weighed.log_beam[number]) if number < weighed.log_beam.size else math.nan,
+            share=float(shares[rank]),
+            low=float(peaks.masses[number]) / total,
+            high=(float(peaks.masses[number]) + found.pruned) / total,
         )
-    return tuple(modes)
+        for rank, number in enumerate(foremost.tolist())
+    )
 
 
 def calibrated(weighed: Weighing) -> tuple[NDArray[np.float64], float]:

@@ -22,60 +22,71 @@ if TYPE_CHECKING:
 
 _STEPS = 12
 _CONVERGED = 1e-5
+_SHARES = 0.5 ** np.arange(6)[:, np.newaxis]  # of a step
 
 
 def refine(
-    model: LikelihoodField, beams: Beams, pose: NDArray[np.float64], spacing: NDArray[np.float64], alpha: float
+    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], spacing: NDArray[np.float64], alpha: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pose (3,) of a local maximum near ``pose`` (3,), and its covariance (3, 3).
+    """Poses (M, 3) of local maxima, one near each of ``poses`` (M, 3), and their covariances (M, 3, 3).
 
-    ``spacing`` (3,) is the lattice's in x, y [m] and yaw [rad]: the maximum is sought within two steps of it. The
+    ``spacing`` (3,) is the lattice's in x, y [m] and yaw [rad]: a maximum is sought within two steps of it. A
     covariance is the inverse curvature of ``alpha`` times the log-likelihood, at least that of a pose somewhere in one
     step of the lattice.
     """
     smooth = dataclasses.replace(model, parameters=dataclasses.replace(model.parameters, field_lookup="bilinear"))
     score = smooth.measure("lidar", beams).log_likelihood
-    best, value = pose.copy(), float(score(pose[np.newaxis])[0])
+    best, values, moving = poses.copy(), score(poses), np.arange(len(poses))
     for _ in range(_STEPS):
-        gradient, curvature = _normal_equations(smooth, beams, best)
-        step = np.linalg.solve(curvature + 1e-6 * np.trace(curvature) * np.eye(3) + 1e-12 * np.eye(3), gradient)
-        scales = 0.5 ** np.arange(6)[:, np.newaxis]
-        tried = best + scales * np.clip(step, -spacing, spacing)
-        tried = np.clip(tried, pose - 2.0 * spacing, pose + 2.0 * spacing)
-        values = score(tried)
-        if not values.max() > value:
+        tried = _along_the_step(smooth, beams, best[moving], spacing)
+        tried = np.clip(tried, (poses - 2.0 * spacing)[moving, np.newaxis], (poses + 2.0 * spacing)[moving, np.newaxis])
+        found = score(tried.reshape(-1, 3)).reshape(tried.shape[:2])
+        row, chosen = np.arange(len(moving)), found.argmax(axis=1)
+        better = found[row, chosen] > values[moving]
+        far = np.abs(tried[row, chosen] - best[moving]).max(axis=1) >= _CONVERGED
+        best[moving[better]], values[moving[better]] = tried[row, chosen][better], found[row, chosen][better]
+        moving = moving[better & far]
+        if not moving.size:
             break
-        moved = np.abs(tried[values.argmax()] - best).max()
-        best, value = tried[values.argmax()], float(values.max())
-        if moved < _CONVERGED:
-            break
-    return np.append(best[:2], se2.wrap(best[2])), _covariance(smooth, beams, best, spacing, alpha)
+    return np.column_stack([best[:, :2], se2.wrap(best[:, 2])]), _covariances(smooth, beams, best, spacing, alpha)
+
+
+def _along_the_step(
+    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], spacing: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Poses (M, 6, 3) one Gauss–Newton step away, half of it, a quarter, and so on."""
+    gradients, curvatures = _normal_equations(model, beams, poses)
+    damping = 1e-6 * np.trace(curvatures, axis1=1, axis2=2) + 1e-12
+    damped = curvatures + damping[:, np.newaxis, np.newaxis] * np.eye(3)
+    steps = np.linalg.solve(damped, gradients[..., np.newaxis])[..., 0]
+    return np.asarray(poses[:, np.newaxis] + _SHARES * np.clip(steps, -spacing, spacing)[:, np.newaxis])
 
 
 def _normal_equations(
-    model: LikelihoodField, beams: Beams, pose: NDArray[np.float64]
+    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """−Σ w d J / σ² (3,) and Σ w J Jᵀ / σ² (3, 3); derivatives by differences over a cell."""
+    """−Σ w d J / σ² (M, 3) and Σ w J Jᵀ / σ² (M, 3, 3); derivatives by differences over a cell."""
     p = model.parameters
     ends, h = beams.endpoints, model.field.resolution
     shifts = np.array([[0.0, 0.0, 0.0], [h, 0.0, 0.0], [-h, 0.0, 0.0], [0.0, h, 0.0], [0.0, -h, 0.0]])
-    d = np.nan_to_num(model.distances(beams, pose + shifts), nan=model.field.max_dist)
+    around = (poses[:, np.newaxis] + shifts).reshape(-1, 3)
+    d = np.nan_to_num(model.distances(beams, around), nan=model.field.max_dist).reshape(len(poses), 5, -1)
     d = np.minimum(d, model.field.max_dist)
-    across = np.stack([d[1] - d[2], d[3] - d[4]], axis=-1) / (2.0 * h)
-    c, s = np.cos(pose[2]), np.sin(pose[2])
+    across = np.stack([d[:, 1] - d[:, 2], d[:, 3] - d[:, 4]], axis=-1) / (2.0 * h)
+    c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
     arm = np.stack([-s * ends[:, 0] - c * ends[:, 1], c * ends[:, 0] - s * ends[:, 1]], axis=-1)
-    jacobian = np.column_stack([across, (across * arm).sum(axis=1)])
-    hit = p.z_hit * np.exp(-0.5 * (d[0] / p.sigma_hit) ** 2)
+    jacobian = np.concatenate([across, (across * arm).sum(axis=-1, keepdims=True)], axis=-1)
+    hit = p.z_hit * np.exp(-0.5 * (d[:, 0] / p.sigma_hit) ** 2)
     weight = hit / np.maximum(hit + p.z_rand / beams.r_max, 1e-300) / p.sigma_hit**2
-    weighted = jacobian * weight[:, np.newaxis]
-    return -(weighted * d[0][:, np.newaxis]).sum(axis=0), np.einsum("bi,bj->ij", weighted, jacobian)
+    weighted = jacobian * weight[..., np.newaxis]
+    return -(weighted * d[:, 0, :, np.newaxis]).sum(axis=1), np.einsum("mbi,mbj->mij", weighted, jacobian)
 
 
-def _covariance(
-    model: LikelihoodField, beams: Beams, pose: NDArray[np.float64], spacing: NDArray[np.float64], alpha: float
+def _covariances(
+    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], spacing: NDArray[np.float64], alpha: float
 ) -> NDArray[np.float64]:
-    _, curvature = _normal_equations(model, beams, pose)
-    values, vectors = np.linalg.eigh(alpha * curvature / np.outer(1.0 / spacing, 1.0 / spacing))
+    _, curvatures = _normal_equations(model, beams, poses)
+    values, vectors = np.linalg.eigh(alpha * curvatures * np.outer(spacing, spacing))
     spread = 1.0 / np.maximum(values, 1e-6) + 1.0 / 12.0
-    scaled = vectors * spread @ vectors.T
-    return np.asarray(0.5 * (scaled + scaled.T) * np.outer(spacing, spacing))
+    scaled = (vectors * spread[:, np.newaxis]) @ vectors.transpose(0, 2, 1)
+    return np.asarray(0.5 * (scaled + scaled.transpose(0, 2, 1)) * np.outer(spacing, spacing))
