@@ -5,7 +5,9 @@
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
@@ -32,6 +34,8 @@ if TYPE_CHECKING:
     from mclcli.sensors.observation import Observation
 
 __all__ = ["ReplayTally", "Setup", "replay"]
+
+_LOOKED_BACK = 12  # updates that a search for a lost robot looks at
 
 
 def replay(
@@ -78,6 +82,7 @@ class _Run:
         self._told: StampedPose | None = None
         self._held: list[Observation] = []
         self._since_update: list[Observation] = []
+        self._astray: deque[tuple[Observation, ...]] = deque(maxlen=_LOOKED_BACK)
         self._belief: _Belief | None = None
 
     def take(self, usable: Observation | StampedPose) -> Iterator[TrackPoint]:
@@ -105,6 +110,7 @@ class _Run:
         """Forget where the robot was believed to be."""
         self._belief = None
         self._since_update.clear()
+        self._astray.clear()
 
     def _begin(self, observation: Observation) -> Iterator[TrackPoint]:
         """Ask the start for particles at the first trigger; it may want to see more readings first."""
@@ -177,18 +183,24 @@ class _Run:
             self._segment,
             self._proposer(observations, odom),
         )
+        lost = record.reliability < fit.PROBABLY_LOST
+        if not lost:
+            self._astray.clear()
+        elif self._setup.proposal is not None:
+            self._astray.append(observations)
         self._next_step = state.step
         self._tally.take_update(record, measurements)
-        self._tally.judge(record, lost=record.reliability < fit.PROBABLY_LOST)
+        self._tally.judge(record, lost=lost)
         self._tally.distance += math.hypot(increment[0], increment[1])
         return _Belief(state, odom, record.estimate), record
 
     def _proposer(self, observations: tuple[Observation, ...], odom: NDArray[np.float64]) -> Propose | None:
-        """The proposal, told what this update has seen."""
+        """The proposal, told what this update has seen, and those just before it that did not fit either."""
         proposal, path = self._setup.proposal, self._intake.path
         if proposal is None:
             return None
-        return lambda record, n, draws: proposal(Situation(record, observations, odom, path), n, draws)
+        seen = (*itertools.chain(*self._astray), *observations)
+        return lambda record, n, draws: proposal(Situation(record, seen, odom, path), n, draws)
 
     def _measure(self, observations: Sequence[Observation], odom: NDArray[np.float64]) -> list[Measurement]:
         """One measurement per instrument; earlier readings are seen from where the base was at their stamps."""

@@ -131,9 +131,10 @@ def log_fit(record: StepRecord, rule: str) -> float | None:
 class Situation:
     """What a proposal may look at when the robot seems lost.
 
-    ``record`` is the update at hand with all particles; ``observations`` are the readings that were scored in it, the
-    newest last, with their mounts and their places by odometry; ``odom_from_base`` (3,) is where odometry is at the
-    update's stamp, where proposed poses are to hold; ``path`` is the recent odometry.
+    ``record`` is the update at hand with all particles; ``observations`` are the readings that were scored in it, and
+    in the updates just before it in which the robot seemed lost, the newest last, with their mounts and their places by
+    odometry; ``odom_from_base`` (3,) is where odometry is at the update's stamp, where proposed poses are to hold;
+    ``path`` is the recent odometry.
     """
 
     record: StepRecord
