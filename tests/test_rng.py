@@ -5,12 +5,20 @@ from __future__ import annotations
 from itertools import product
 
 import numpy as np
+import pytest
 
 from mclcli.rng import Purpose, stream
 
 
 def test_the_same_key_gives_the_same_bytes() -> None:
     assert stream(7, Purpose.MOTION, 3).bytes(64) == stream(7, Purpose.MOTION, 3).bytes(64)
+
+
+@pytest.mark.parametrize("seed", [0, 7, 2**53 + 1, 2**64 - 1])
+def test_it_is_philox_with_this_key_and_counter(seed: int) -> None:
+    key, counter = np.array([seed, 2], np.uint64), np.array([0, 0, 0, 9], np.uint64)
+    philox = np.random.Philox(key=key, counter=counter)
+    assert stream(seed, Purpose.MOTION, 9).bytes(64) == np.random.Generator(philox).bytes(64)
 
 
 def test_seed_purpose_and_step_each_open_another_stream() -> None:

@@ -198,7 +198,9 @@ class Localizer:
         anew = anew[: round(share * n)]
         draws = rng.stream(self.seed, rng.Purpose.RESAMPLE, record.step)
         ancestors = resampler(record.weights, n - anew.shape[0], draws)
-        poses = np.concatenate([record.poses[ancestors], anew])
+        poses = record.poses[ancestors]
+        if anew.size:
+            poses = np.concatenate([poses, anew])
         return FilterState(record.step + 1, poses, uniform_log_weights(n))
 
     def _wanted_size(self, record: StepRecord, anew: NDArray[np.float64]) -> int:

@@ -66,6 +66,7 @@ class TransformTree:
     def __init__(self, *, keep_history: bool = True) -> None:
         self._keep_history = keep_history
         self._edges: dict[str, _Edge] = {}
+        self._fixed: dict[tuple[str, str], NDArray[np.float64]] = {}  # looked up where nothing moves
 
     def replayed(self) -> TransformTree:
         """Tree for reading the log again: what never moves is known from the start, what moves is not known yet."""
@@ -80,8 +81,12 @@ class TransformTree:
         edge = self._edges.get(transform.child)
         if edge is None or edge.parent != transform.parent or transform.static:
             edge = self._edges[transform.child] = _Edge(transform.parent, transform.parent_from_child)
+            self._fixed.clear()
         if not transform.static:
+            moved = edge.moves
             edge.add(transform.stamp_ns, transform.parent_from_child, keep=self._keep_history)
+            if edge.moves is not moved:
+                self._fixed.clear()
 
     @property
     def frames(self) -> list[str]:
@@ -111,6 +116,15 @@ class TransformTree:
 
     def lookup(self, a: str, b: str, stamp_ns: int) -> NDArray[np.float64] | None:
         """``a_from_b`` (4, 4) at a stamp; None if nothing connects them, or a moving edge is not known then."""
+        found = self._fixed.get((a, b))
+        if found is None:
+            found = self._look_up(a, b, stamp_ns)
+            if found is not None and not self.moves_between(a, b):
+                found.flags.writeable = False
+                self._fixed[a, b] = found
+        return found
+
+    def _look_up(self, a: str, b: str, stamp_ns: int) -> NDArray[np.float64] | None:
         up_a, up_b = self.ancestors(a), self.ancestors(b)
         common = next((frame for frame in up_a if frame in up_b), None)
         if common is None:

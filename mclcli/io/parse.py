@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 Parsed: TypeAlias = Any
 """An object of a rosbags message class: attributes named as the fields, without static types."""
 _LONGEST = 16 << 20  # [bytes] of a message to be told as text: each number takes many times its bytes
+_MOST = 1024  # parsers kept
 
 
 @final
@@ -28,9 +29,22 @@ class Undecodable:
     reason: str
 
 
-@lru_cache(maxsize=1024)
+# A channel's hash takes longer than a message's parsing. What stands here keeps its channel, and so its id.
+_BY_ID: dict[int, tuple[Channel, Callable[[bytes], Parsed] | Undecodable]] = {}
+
+
 def parser_for(channel: Channel) -> Callable[[bytes], Parsed] | Undecodable:
     """Bytes → rosbags' message object or Undecodable, for one channel."""
+    known = _BY_ID.get(id(channel))
+    if known is None:
+        if len(_BY_ID) == _MOST:
+            _BY_ID.clear()
+        known = _BY_ID[id(channel)] = channel, _make_parser(channel)
+    return known[1]
+
+
+@lru_cache(maxsize=_MOST)
+def _make_parser(channel: Channel) -> Callable[[bytes], Parsed] | Undecodable:
     from mclcli.io.definitions import store_for
 
     store = store_for(channel)
