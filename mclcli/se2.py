@@ -55,7 +55,11 @@ def inverse(a_from_b: ArrayLike) -> NDArray[np.float64]:
 
 def between(w_from_a: ArrayLike, w_from_b: ArrayLike) -> NDArray[np.float64]:
     """Pose of b seen from a: ``a_from_b`` (..., 3), both given in the same frame w."""
-    return compose(inverse(w_from_a), w_from_b)
+    a = np.asarray(w_from_a, dtype=np.float64)
+    b = np.asarray(w_from_b, dtype=np.float64)
+    if a.ndim == b.ndim == 1:
+        return np.array(_compose_one(_inverse_one(a.tolist()), b.tolist()))
+    return compose(inverse(a), b)
 
 
 # One pose at a time, in plain numbers: an array's bookkeeping would cost twenty times as much as the arithmetic.
@@ -102,6 +106,11 @@ def _log_one(p: Sequence[float]) -> tuple[float, float, float]:
     return c * p[0] + s * p[1], -s * p[0] + c * p[1], yaw
 
 
+def _interpolate_one(a: Sequence[float], b: Sequence[float], fraction: float) -> tuple[float, float, float]:
+    twist = _log_one(_compose_one(_inverse_one(a), b))
+    return _compose_one(a, _exp_one([fraction * v for v in twist]))
+
+
 def exp(twist: ArrayLike) -> NDArray[np.float64]:
     """Pose reached by a constant twist (vx, vy, ω) held for one unit of time, shape (..., 3).
 
@@ -130,6 +139,10 @@ def log(pose: ArrayLike) -> NDArray[np.float64]:
 
 def interpolate(w_from_a: ArrayLike, w_from_b: ArrayLike, fraction: ArrayLike) -> NDArray[np.float64]:
     """Pose at ``fraction`` of the way from a to b along the constant twist that joins them, shape (..., 3)."""
-    fraction = np.asarray(fraction, dtype=np.float64)
-    fraction = fraction[..., np.newaxis] if fraction.ndim else fraction
-    return compose(w_from_a, exp(fraction * log(between(w_from_a, w_from_b))))
+    a = np.asarray(w_from_a, dtype=np.float64)
+    b = np.asarray(w_from_b, dtype=np.float64)
+    share = np.asarray(fraction, dtype=np.float64)
+    if a.ndim == b.ndim == 1 and not share.ndim:
+        return np.array(_interpolate_one(a.tolist(), b.tolist(), float(share)))
+    share = share[..., np.newaxis] if share.ndim else share
+    return compose(a, exp(share * log(between(a, b))))

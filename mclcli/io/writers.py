@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
 T_contra = TypeVar("T_contra", contravariant=True)
 
 NANOSECONDS = 1_000_000_000
+_FEW = 16  # numbers that Python looks at sooner than NumPy
 COVARIANCE_COLUMNS = "cov_xx,cov_xy,cov_xyaw,cov_yy,cov_yyaw,cov_yawyaw"
 
 
@@ -84,5 +86,6 @@ def require_finite(what: str, values: NDArray[np.float64]) -> None:
         If a value is not finite: a fault of the caller, never of the data.
 
     """
-    if not np.isfinite(values).all():
+    few = values.size <= _FEW
+    if not (all(map(math.isfinite, values.ravel().tolist())) if few else np.isfinite(values).all()):
         raise ValueError(f"{what} to be written is not finite")

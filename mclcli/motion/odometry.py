@@ -39,7 +39,8 @@ class OdometryParameters:
     def is_jump(self, step: NDArray[np.float64], seconds: float) -> bool:
         """Whether a step (3,) in so many seconds cannot be motion."""
         speed, turn = self.odom_max_speed or math.inf, self.odom_max_turn or math.inf
-        moved, turned = math.hypot(step[0], step[1]), abs(float(step[2]))
+        x, y, turned = step.tolist()
+        moved, turned = math.hypot(x, y), abs(turned)
         return moved > max(_SLACK_M, speed * seconds) or turned > max(_SLACK_RAD, turn * seconds)
 
 
