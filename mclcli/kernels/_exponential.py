@@ -33,7 +33,7 @@ def _exp_in_parts(x):  # type: ignore[no-untyped-def]
     x − k·log 2 in two parts, then a polynomial whose error is below 4e-18.
     """
     x = max(x, -708.0)
-    k = np.floor(x * 1.44269504088896338700 + 0.5)
+    k = np.floor(_fma(x, 1.44269504088896338700, 0.5))
     r = _fma(k, -1.90821492927058770002e-10, _fma(k, -6.93147180369123816490e-01, x))
     q = _fma(r, 2.5117503704849524e-08, 2.7630837714798423e-07)
     q = _fma(r, q, 2.7557217516495798e-06)

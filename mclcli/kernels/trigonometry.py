@@ -12,7 +12,7 @@ from mclcli.kernels._exponential import _fma
 
 _TURN = 2.0 * math.pi
 _ANGLES = nb.types.Array(nb.float64, 1, "C", readonly=True)
-_COS_PI_8, _SIN_PI_8 = math.cos(0.125 * math.pi), math.sin(0.125 * math.pi)
+_TAN_PI_8 = math.sqrt(2.0) - 1.0
 
 
 @nb.njit(**OPTIONS)
@@ -62,7 +62,7 @@ def _unsigned_angle(along, across):  # type: ignore[no-untyped-def]
     """
     x, y = abs(along), abs(across)
     low, high = min(x, y), max(x, y)
-    t = _fma(low, _COS_PI_8, -(high * _SIN_PI_8)) / _fma(high, _COS_PI_8, low * _SIN_PI_8)
+    t = _fma(-_TAN_PI_8, high, low) / _fma(_TAN_PI_8, low, high)
     z = t * t
     p = _fma(z, 0.02124248956926765, -0.043587024628891795)
     p = _fma(z, p, 0.05692890475881414)
