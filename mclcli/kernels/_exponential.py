@@ -15,6 +15,8 @@ from numba.extending import intrinsic
 
 from mclcli.kernels import OPTIONS
 
+_WHOLE = 1.5 * 2.0**52
+
 
 def _fused(context, a, b, c):  # type: ignore[no-untyped-def]
     """a·b + c, rounded once."""
@@ -30,10 +32,12 @@ _fma: Any = intrinsic(_fused)
 def _exp_in_parts(x):  # type: ignore[no-untyped-def]
     """2^k and q with e^x = 2^k + 2^k·q for x ≤ 0; 2^k is 1 and q is e^x − 1 itself where x is near 0.
 
-    x − k·log 2 in two parts, then a polynomial whose error is below 4e-18.
+    x − k·log 2 in two parts, then a polynomial whose error is below 4e-18. k is rounded by adding 1.5·2^52, where
+    doubles are whole numbers whose last bits are k's: not every processor converts vectors to whole numbers.
     """
     x = max(x, -708.0)
-    k = np.floor(_fma(x, 1.44269504088896338700, 0.5))
+    shifted = _fma(x, 1.44269504088896338700, _WHOLE)
+    k = shifted - _WHOLE
     r = _fma(k, -1.90821492927058770002e-10, _fma(k, -6.93147180369123816490e-01, x))
     q = _fma(r, 2.5117503704849524e-08, 2.7630837714798423e-07)
     q = _fma(r, q, 2.7557217516495798e-06)
@@ -44,7 +48,7 @@ def _exp_in_parts(x):  # type: ignore[no-untyped-def]
     q = _fma(r, q, 4.166666666652201e-02)
     q = _fma(r, q, 0.166666666666667)
     q = _fma(r, q, 0.5000000000000012)
-    return np.int64((np.int64(k) + 1023) << 52).view(np.float64), _fma(r * r, q, r)
+    return np.int64((np.float64(shifted).view(np.int64) + 1023) << 52).view(np.float64), _fma(r * r, q, r)
 
 
 @nb.njit(**OPTIONS)
