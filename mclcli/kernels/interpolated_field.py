@@ -12,7 +12,7 @@ import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels._cells import _clearance, _longest, _place
+from mclcli.kernels._cells import _clearance, _place
 from mclcli.kernels._exponential import _exp, _log
 
 _BLOCK = 256  # particles whose sums stay in the first-level cache while all beams pass over them
@@ -40,37 +40,68 @@ def _between_cells(block, size, end_x, end_y, width, cells):  # type: ignore[no-
 
 
 @nb.njit(**OPTIONS)
-def _distances(codes, levels, block, size, width, cells):  # type: ignore[no-untyped-def]
-    """Interpolated distances, where all cells are on the map; looked up first, so that the rest is done in vectors."""
-    u, v, at, found = block[4], block[5], cells[0], block[6]
-    first, second, third, fourth = block[6], block[7], block[8], block[9]
+def _between_cells_anywhere(block, size, end_x, end_y, width, height, cells):  # type: ignore[no-untyped-def]
+    """All four of the nearest cells, those beside the map replaced by those at its border; +inf for ends off it."""
+    x, y, cos, sin, u, v, off = block[0], block[1], block[2], block[3], block[4], block[5], block[10]
+    right, top, last_column, last_row = nb.float64(width), nb.float64(height), np.int32(width - 1), np.int32(height - 1)
+    for i in range(size):
+        column = x[i] + (cos[i] * end_x - sin[i] * end_y)
+        row = y[i] + (sin[i] * end_x + cos[i] * end_y)
+        inside = (column >= 0.0) & (column < right) & (row >= 0.0) & (row < top)
+        off[i] = 0.0 if inside else np.inf
+        column, row = (column - 0.5 if inside else 0.0), (row - 0.5 if inside else 0.0)
+        u[i], v[i] = column - np.floor(column), row - np.floor(row)
+        left, below = np.int32(np.floor(column)), np.int32(np.floor(row))
+        beside, above = min(np.int32(left + 1), last_column), np.int32(min(np.int32(below + 1), last_row) * width)
+        left, below = max(left, np.int32(0)), np.int32(max(below, np.int32(0)) * width)
+        cells[0, i], cells[1, i] = np.int32(below + left), np.int32(below + beside)
+        cells[2, i], cells[3, i] = np.int32(above + left), np.int32(above + beside)
+
+
+@nb.njit(**OPTIONS)
+def _look_up(codes, levels, block, size, width, cells):  # type: ignore[no-untyped-def]
+    """Distances of the four cells whose lower left one is known."""
+    first, second, third, fourth, at = block[6], block[7], block[8], block[9], cells[0]
     for i in range(size):
         cell = nb.uint32(at[i])
         first[i], second[i] = levels[codes[cell]], levels[codes[nb.uint32(cell + 1)]]
         cell = nb.uint32(cell + width)
         third[i], fourth[i] = levels[codes[cell]], levels[codes[nb.uint32(cell + 1)]]
-    for i in range(size):
-        lower = (1.0 - u[i]) * first[i] + u[i] * second[i]
-        upper = (1.0 - u[i]) * third[i] + u[i] * fourth[i]
-        found[i] = (1.0 - v[i]) * lower + v[i] * upper
 
 
 @nb.njit(**OPTIONS)
-def _distances_anywhere(codes, levels, block, size, end_x, end_y, width, height):  # type: ignore[no-untyped-def]
-    """Interpolated distances, cells beside the map as those at its border; +inf for endpoints off the map."""
-    x, y, cos, sin, found = block[0], block[1], block[2], block[3], block[6]
+def _look_up_anywhere(codes, levels, block, size, cells):  # type: ignore[no-untyped-def]
+    """Distances of the four cells all of which are known."""
+    for k in range(4):
+        to, at = block[6 + k], cells[k]
+        for i in range(size):
+            to[i] = levels[codes[nb.uint32(at[i])]]
+
+
+@nb.njit(**OPTIONS)
+def _interpolate(block, size):  # type: ignore[no-untyped-def]
+    """Distances between those of four cells, in the place of the first ones."""
+    u, v, first, second, third, fourth = block[4], block[5], block[6], block[7], block[8], block[9]
     for i in range(size):
-        column = x[i] + (cos[i] * end_x - sin[i] * end_y)
-        row = y[i] + (sin[i] * end_x + cos[i] * end_y)
-        found[i] = np.inf
-        if (column >= 0.0) & (column < width) & (row >= 0.0) & (row < height):
-            first, second = np.floor(column - 0.5), np.floor(row - 0.5)
-            u, v = column - 0.5 - first, row - 0.5 - second
-            left, right = max(nb.int64(first), 0), min(nb.int64(first) + 1, width - 1)
-            below, above = max(nb.int64(second), 0) * width, min(nb.int64(second) + 1, height - 1) * width
-            lower = (1.0 - u) * levels[codes[below + left]] + u * levels[codes[below + right]]
-            upper = (1.0 - u) * levels[codes[above + left]] + u * levels[codes[above + right]]
-            found[i] = (1.0 - v) * lower + v * upper
+        lower = (1.0 - u[i]) * first[i] + u[i] * second[i]
+        upper = (1.0 - u[i]) * third[i] + u[i] * fourth[i]
+        first[i] = (1.0 - v[i]) * lower + v[i] * upper
+
+
+@nb.njit(**OPTIONS)
+def _distances(codes, levels, block, size, end_x, end_y, width, height, clearance, cells):  # type: ignore[no-untyped-def]
+    """Fill row 6 of ``block`` with the distances at a beam's endpoints; look-ups apart, so that the rest is vectors."""
+    found, off = block[6], block[10]
+    if math.hypot(end_x, end_y) + 1.0 < clearance:
+        _between_cells(block, size, end_x, end_y, width, cells)
+        _look_up(codes, levels, block, size, width, cells)
+        _interpolate(block, size)
+        return
+    _between_cells_anywhere(block, size, end_x, end_y, width, height, cells)
+    _look_up_anywhere(codes, levels, block, size, cells)
+    _interpolate(block, size)
+    for i in range(size):
+        found[i] = max(found[i], off[i])
 
 
 @nb.njit(**OPTIONS)
@@ -97,23 +128,19 @@ def sum_interpolated(  # type: ignore[no-untyped-def]
     unsigned, less than 2³¹ of them; ``levels`` (L,) [m], NaN for unknown cells; then where the cells lie (see
     ``endpoints.Anchoring.frame``); ``poses`` (N, 3) in map; ``ends`` (2·B,) [cells]: x of all endpoints from the base,
     then y. ``law`` (7,): factor ≤ 0 [1/m²], amplitude, rest, p off the map, d² [m²] that stands for unknown, furthest
-    distance, floor. Scratch: ``block`` (11, 256), ``cells`` (1, 256).
+    distance, floor. Scratch: ``block`` (12, 256), ``cells`` (4, 256).
     """
-    wide = np.int32(width)
+    wide, high = np.int32(width), np.int32(height)
     end_x, end_y = ends[: ends.size // 2], ends[ends.size // 2 :]
     most = _FACTORS if max(law[1] + law[2], law[3]) < 1e18 else 1
     for start in range(0, poses.shape[0], _BLOCK):
-        size, total, result = min(_BLOCK, poses.shape[0] - start), out[start : start + _BLOCK], block[10]
+        size, total, result = min(_BLOCK, poses.shape[0] - start), out[start : start + _BLOCK], block[11]
         _place(poses[start : start + size], origin_x, origin_y, cos, sin, yaw, resolution, shift, block)
         clearance = _clearance(block[0, :size], block[1, :size], block[2], block[3], width, height)
         for first in range(0, end_x.size, most):
             result[:] = 0.0 if cubes else 1.0
             for b in range(first, min(first + most, end_x.size)):
-                if _longest(end_x[b : b + 1], end_y[b : b + 1]) + 1.0 < clearance:
-                    _between_cells(block, size, end_x[b], end_y[b], wide, cells)
-                    _distances(codes, levels, block, size, wide, cells)
-                else:
-                    _distances_anywhere(codes, levels, block, size, end_x[b], end_y[b], width, height)
+                _distances(codes, levels, block, size, end_x[b], end_y[b], wide, high, clearance, cells)
                 _combine(block[6], size, law, cubes, result)
             for i in range(size):
                 total[i] += result[i] if cubes else _log(result[i])

@@ -146,7 +146,7 @@ def sum_interpolated(
     kernel = compiled.load("interpolated_field").sum_interpolated
 
     def sum_block(start: int) -> None:
-        block, scratch = slice(start, start + COMPILED_BLOCK), (np.empty((11, 256)), np.empty((1, 256), np.int32))
+        block, scratch = slice(start, start + COMPILED_BLOCK), (np.empty((12, 256)), np.empty((4, 256), np.int32))
         about = (field.codes.ravel(), *field.codes.shape, field.levels, *frame)
         kernel(*about, poses[block], ends, law, cubes, out[block], *scratch)
 
