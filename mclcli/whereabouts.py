@@ -79,19 +79,24 @@ class Finder:
         scans = self._chosen([o for o in observations if isinstance(o.reading, LaserScan)])
         if not scans:
             return None
-        p = self.settings.search
-        each = p.locate_beams if len(scans) == 1 else max(2, p.window_beams // len(scans))
-        selection = dataclasses.replace(self.settings.beams, max_beams=each)
+        selection = self._selection(len(scans))
         rays = dataclasses.replace(selection, max_range="no_return", beam_origin="sensor")
         return View(
-            window.join([_beams(o, now, selection) for o in scans]),
-            window.join([_beams(o, now, rays) for o in scans]),
+            _joined(scans, now, selection),
+            _joined(scans, now, rays),
             tuple(self._bearings(o, now) for o in observations if isinstance(o.reading, LandmarkSightings)),
             BearingModel(self.settings.bearing),
+            tuple(_joined(scans[-few:], now, self._selection(few)) for few in window.halves(len(scans))),
         )
 
+    def _selection(self, scans: int) -> BeamSelection:
+        """Beams of each of so many scans."""
+        p = self.settings.search
+        each = p.locate_beams if scans == 1 else min(p.locate_beams, max(2, p.window_beams // scans))
+        return dataclasses.replace(self.settings.beams, max_beams=each)
+
     def _chosen(self, scans: list[Observation]) -> list[Observation]:
-        """Scans of every lidar, spread along the way."""
+        """Scans of every lidar, spread along the way, in order of time."""
         topics = list(dict.fromkeys(o.topic for o in scans))
         chosen: list[Observation] = []
         for topic in topics:
@@ -100,7 +105,7 @@ class Finder:
             chosen += [
                 own[i] for i in window.spread(odometry, max(1, self.settings.search.window_scans // len(topics)))
             ]
-        return chosen
+        return sorted(chosen, key=lambda o: o.reading.stamp_ns)
 
     def _bearings(self, observation: Observation, now: NDArray[np.float64]) -> bearing.Bearings:
         assert self.landmarks is not None  # noqa: S101 - without landmarks no camera takes part
@@ -123,12 +128,14 @@ class Finder:
         return dataclasses.replace(found, covariances=found.covariances + white).alpha
 
 
-def _beams(
-    observation: Observation, now: NDArray[np.float64], selection: BeamSelection
-) -> tuple[Beams, NDArray[np.float64]]:
-    assert isinstance(observation.reading, LaserScan)  # noqa: S101 - see Finder.view
-    chosen = beams.select(observation.reading, observation.base_from_sensor, selection)
-    return chosen, se2.between(now, observation.odom_from_base)
+def _joined(scans: Sequence[Observation], now: NDArray[np.float64], selection: BeamSelection) -> Beams:
+    """Beams of scans as of one, seen from where the base is now."""
+    parts = []
+    for scan in scans:
+        assert isinstance(scan.reading, LaserScan)  # noqa: S101 - see Finder.view
+        chosen = beams.select(scan.reading, scan.base_from_sensor, selection)
+        parts.append((chosen, se2.between(now, scan.odom_from_base)))
+    return window.join(parts)
 
 
 def make_finder(

@@ -136,7 +136,9 @@ def _judge(
     total = float(peaks.masses.sum()) + peaks.rest + found.pruned
     shares = calibrated(weighed)[0]
     foremost = weighed.order[:k]
-    poses, covariances = refine.refine(scene.model, view.beams, nodes[foremost], spacing, alpha)
+    poses, covariances = refine.refine(scene.model, view.beams, nodes[foremost], refine.on_lattice(spacing, alpha))
+    for later in view.later:
+        poses, covariances = refine.refine(scene.model, later, poses, refine.after_drift(spacing, alpha))
     return tuple(
         Mode(
             pose=poses[rank],

@@ -8,7 +8,9 @@ Wright 2006, *Numerical Optimization*, section 10.3.
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -22,25 +24,51 @@ if TYPE_CHECKING:
 
 _STEPS = 12
 _CONVERGED = 1e-5
+_DRIFT = np.array([0.15, 0.15, math.radians(5.0)])  # of odometry within half a window
 _SHARES = 0.5 ** np.arange(6)[:, np.newaxis]  # of a step
 
 
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Refinement:
+    """How maxima are sought: within ``reach`` (3,) of where they are thought to be, x, y [m] and yaw [rad].
+
+    ``spacing`` (3,) is that of the lattice: a covariance is at least that of a pose somewhere in one step of it.
+    ``alpha`` is the temperature of the log-likelihood, ``precision`` (3,) that of a Gaussian around the poses given.
+    """
+
+    reach: NDArray[np.float64]
+    spacing: NDArray[np.float64]
+    alpha: float
+    precision: NDArray[np.float64]
+
+
+def on_lattice(spacing: NDArray[np.float64], alpha: float) -> Refinement:
+    """From poses of the lattice, which are the best within a step of it."""
+    return Refinement(2.0 * spacing, spacing, alpha, np.zeros(3))
+
+
+def after_drift(spacing: NDArray[np.float64], alpha: float) -> Refinement:
+    """From poses that fit scans joined by odometry, to those that fit the later ones of them."""
+    return Refinement(2.0 * _DRIFT, spacing, alpha, 1.0 / _DRIFT**2)
+
+
 def refine(
-    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], spacing: NDArray[np.float64], alpha: float
+    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], how: Refinement
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Poses (M, 3) of local maxima, one near each of ``poses`` (M, 3), and their covariances (M, 3, 3).
 
-    ``spacing`` (3,) is the lattice's in x, y [m] and yaw [rad]: a maximum is sought within two steps of it. A
-    covariance is the inverse curvature of ``alpha`` times the log-likelihood, at least that of a pose somewhere in one
-    step of the lattice.
+    A covariance is the inverse curvature of the tempered log-likelihood.
     """
     smooth = dataclasses.replace(model, parameters=dataclasses.replace(model.parameters, field_lookup="bilinear"))
-    score = smooth.measure("lidar", beams).log_likelihood
-    best, values, moving = poses.copy(), score(poses), np.arange(len(poses))
+    measured = smooth.measure("lidar", beams)
+    best, values, moving = poses.copy(), how.alpha * measured.log_likelihood(poses), np.arange(len(poses))
     for _ in range(_STEPS):
-        tried = _along_the_step(smooth, beams, best[moving], spacing)
-        tried = np.clip(tried, (poses - 2.0 * spacing)[moving, np.newaxis], (poses + 2.0 * spacing)[moving, np.newaxis])
-        found = score(tried.reshape(-1, 3)).reshape(tried.shape[:2])
+        start = poses[moving, np.newaxis]
+        tried = _along_the_step(smooth, beams, best[moving], poses[moving], how)
+        tried = np.clip(tried, start - how.reach, start + how.reach)
+        found = how.alpha * measured.log_likelihood(tried.reshape(-1, 3)).reshape(tried.shape[:2])
+        found -= 0.5 * ((tried - start) ** 2 * how.precision).sum(axis=-1)
         row, chosen = np.arange(len(moving)), found.argmax(axis=1)
         better = found[row, chosen] > values[moving]
         far = np.abs(tried[row, chosen] - best[moving]).max(axis=1) >= _CONVERGED
@@ -48,18 +76,21 @@ def refine(
         moving = moving[better & far]
         if not moving.size:
             break
-    return np.column_stack([best[:, :2], se2.wrap(best[:, 2])]), _covariances(smooth, beams, best, spacing, alpha)
+    return np.column_stack([best[:, :2], se2.wrap(best[:, 2])]), _covariances(smooth, beams, best, how)
 
 
 def _along_the_step(
-    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], spacing: NDArray[np.float64]
+    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], starts: NDArray[np.float64], how: Refinement
 ) -> NDArray[np.float64]:
     """Poses (M, 6, 3) one Gauss–Newton step away, half of it, a quarter, and so on."""
     gradients, curvatures = _normal_equations(model, beams, poses)
+    gradients = how.alpha * gradients - how.precision * (poses - starts)
+    curvatures = how.alpha * curvatures + np.diag(how.precision)
     damping = 1e-6 * np.trace(curvatures, axis1=1, axis2=2) + 1e-12
     damped = curvatures + damping[:, np.newaxis, np.newaxis] * np.eye(3)
     steps = np.linalg.solve(damped, gradients[..., np.newaxis])[..., 0]
-    return np.asarray(poses[:, np.newaxis] + _SHARES * np.clip(steps, -spacing, spacing)[:, np.newaxis])
+    longest = 0.5 * how.reach
+    return np.asarray(poses[:, np.newaxis] + _SHARES * np.clip(steps, -longest, longest)[:, np.newaxis])
 
 
 def _normal_equations(
@@ -83,10 +114,11 @@ def _normal_equations(
 
 
 def _covariances(
-    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], spacing: NDArray[np.float64], alpha: float
+    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], how: Refinement
 ) -> NDArray[np.float64]:
     _, curvatures = _normal_equations(model, beams, poses)
-    values, vectors = np.linalg.eigh(alpha * curvatures * np.outer(spacing, spacing))
+    steps = np.outer(how.spacing, how.spacing)
+    values, vectors = np.linalg.eigh((how.alpha * curvatures + np.diag(how.precision)) * steps)
     spread = 1.0 / np.maximum(values, 1e-6) + 1.0 / 12.0
     scaled = (vectors * spread[:, np.newaxis]) @ vectors.transpose(0, 2, 1)
-    return np.asarray(0.5 * (scaled + scaled.transpose(0, 2, 1)) * np.outer(spacing, spacing))
+    return np.asarray(0.5 * (scaled + scaled.transpose(0, 2, 1)) * steps)

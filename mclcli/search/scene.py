@@ -64,12 +64,17 @@ class Scene:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class View:
-    """What the robot sees, from its base at one stamp: beams with a return, all beams, and bearings of landmarks."""
+    """What the robot sees, from its base at one stamp: beams with a return, all beams, and bearings of landmarks.
+
+    ``later`` are the beams with a return of ever fewer scans, the latest ones: odometry puts those of early scans ever
+    more beside.
+    """
 
     beams: Beams
     rays: Beams
     bearings: tuple[Bearings, ...] = ()
     bearing_model: BearingModel | None = None
+    later: tuple[Beams, ...] = ()
 
 
 def allowed_cells(

@@ -27,6 +27,11 @@ def spread(odom_from_base: NDArray[np.float64], count: int) -> NDArray[np.int64]
     return np.unique([*after[1:].tolist(), len(way) - 1]).astype(np.int64)
 
 
+def halves(count: int) -> list[int]:
+    """Half of so many scans, half of that, and so on, down to one."""
+    return [count >> n for n in range(1, count.bit_length())]
+
+
 def join(parts: Sequence[tuple[Beams, NDArray[np.float64]]]) -> Beams:
     """Beams of several scans, each with the pose ``now_from_then`` (3,) of its base, as beams of one scan.
 

@@ -17,6 +17,7 @@ from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.observation import Observation
 from mclcli.whereabouts import Finder, Limits
 from mclcli.world.landmarks import Landmarks
+from mclcli.world.occupancy import UNKNOWN, OccupancyGrid
 from tests.search.scenes import MOUNT, cells_allowed, finder_for, hall, seen_from
 
 POSE = (1.3, 1.1, 0.7)
@@ -54,6 +55,26 @@ def test_a_narrow_view_with_many_no_returns_is_enough_where_the_map_allows_it() 
     location = finder_for(grid).find(seen_from(grid, POSE, fov=math.radians(120.0), range_max=3.0), 5)
     assert location is not None
     assert off(location.modes[0].pose, POSE)[0] < 0.1
+
+
+def test_the_pose_is_that_of_the_last_scan_whatever_odometry_did_before() -> None:
+    cells = np.pad(hall().cells, 20, constant_values=UNKNOWN)
+    grid = OccupancyGrid(cells, 0.05, np.array([-2.0, -1.5, 0.0]))
+    poses = [(1.0 + 0.2 * i, 1.1 + 0.05 * i, 0.15 * i) for i in range(9)]
+    seen = seen_from(grid, *poses)
+    drift = np.array([0.0, 0.02, 0.02])
+    drifted = [dataclasses.replace(o, odom_from_base=o.odom_from_base + i * drift) for i, o in enumerate(seen)]
+    finder = finder_for(grid)
+    for observations, odometry in ((seen, "exact"), (drifted, "9° and 0.16 m off")):
+        location = finder.find(observations, 3)
+        assert location is not None, odometry
+        distance, angle = off(location.modes[0].pose, poses[-1])
+        assert distance < 0.05, odometry
+        assert angle < math.radians(0.7), odometry
+
+
+def test_later_scans_are_ever_fewer() -> None:
+    assert [window.halves(count) for count in (1, 2, 3, 12)] == [[], [1], [1], [6, 3, 1]]
 
 
 def test_a_place_that_stands_twice_on_the_map_is_told_as_two() -> None:
