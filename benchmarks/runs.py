@@ -94,8 +94,9 @@ def stream(gigabytes: float) -> Row:
     began = time.perf_counter()
     run = subprocess.Popen([MCL, "run", "-q", "-", *WORDS, *sparse, "--track", "/dev/null"], stdin=make.stdout)
     _, status, used = os.wait4(run.pid, 0)  # the run's own memory, not that of the process that makes the log
-    if status or make.wait():
-        raise RuntimeError("a run over a stream failed")
+    codes = os.waitstatus_to_exitcode(status), make.wait()
+    if any(codes):
+        raise RuntimeError(f"exit codes {codes} of the run and of what makes the log")
     peak = used.ru_maxrss / 2**10
     seconds = time.perf_counter() - began
     return (
