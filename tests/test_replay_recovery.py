@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mclcli.filter import fit, recovery
+from mclcli.filter import fit, recovery, temperature
 from mclcli.filter.kld import KldParameters
 from mclcli.filter.localizer import Localizer
 from mclcli.filter.parameters import FilterParameters
@@ -47,3 +47,18 @@ def test_scans_since_the_robot_seemed_lost_are_looked_at_together(monkeypatch: p
 def test_no_more_than_a_dozen_updates_are_looked_back_at(monkeypatch: pytest.MonkeyPatch) -> None:
     told = stamps_looked_at(monkeypatch, [0.1] * 20)
     assert told[-1] == list(range(7, 20))
+
+
+def test_beams_seen_from_where_the_robot_is_not_say_nothing_of_their_correlation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    looks: list[int] = []
+    observe = temperature.observe
+
+    def counted(*known: Any) -> Any:
+        looks.append(1)
+        return observe(*known)
+
+    monkeypatch.setattr(temperature, "observe", counted)
+    told = stamps_looked_at(monkeypatch, [1.0, 0.3, 0.4, 1.0])
+    assert (len(told), len(looks)) == (4, 2)

@@ -87,11 +87,14 @@ class Localizer:
         if self.parameters.estimate == "after":
             stated = self._belief(after.poses, weights.normalise(after.log_weights), "after")
             record = dataclasses.replace(record, **stated)
+        # What a robot that is being looked for sees from where it was thought to be says nothing of its beams.
+        sought = propose is not None and record.reliability < fit.PROBABLY_LOST
+        known = state.correlations
         next_state = FilterState(
             after.step,
             after.poses,
             after.log_weights,
-            correlations=temperature.observe(measurements, record.estimate.pose, state.correlations),
+            correlations=known if sought else temperature.observe(measurements, record.estimate.pose, known),
             way=(0.0, 0.0) if record.resampled else way,
             averages=None if record.injected and self.recovery.forgets else averages,
         )
