@@ -139,7 +139,7 @@ def run(name: str, data: Path, writer: csv.Writer | None) -> None:  # type: igno
             writer.writerow([name, 0, "real", number, window, *row])
     for window, rows in sorted(found.items()):
         right, among, share, proof_s, all_s = (np.array(column) for column in zip(*rows, strict=True))
-        sure = share >= 0.9
+        sure = share >= 0.8
         print(
             f"| {name} | {window:g} s | {len(rows)} | {right.mean():.1%} | {(right.astype(bool) & sure).mean():.1%} | "
             f"{among.mean():.1%} | {int((1.0 - right[sure]).sum())} of {sure.sum()} | "

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 WINDOWS = (0.0, 2.0, 5.0, 10.0, 20.0)
 KINDS = ("office", "hall", "corridors")
 CHANGES = ("none", "boxes", "doors", "much", "elsewhere")
-MOMENTS = 2
+MOMENTS = 4
 COLUMNS = (
     "kind", "layout", "change", "moment", "window", "error", "turn", "right", "among", "share", "elsewhere",
     *(field.name for field in dataclasses.fields(Figures)), "modes", "alpha", "leaves",
@@ -177,7 +177,7 @@ def result(location: Location, true: np.ndarray, *, on_map: bool) -> list[object
 def main() -> None:
     """Search and write."""
     options = argparse.ArgumentParser(description=__doc__)
-    options.add_argument("--layouts", default="0:20", help="seeds of layouts, FIRST:LAST, the last not included")
+    options.add_argument("--layouts", default="0:30", help="seeds of layouts, FIRST:LAST, the last not included")
     options.add_argument("-o", "--output", type=Path, help="CSV; else standard output")
     chosen = options.parse_args()
     first, last = map(int, chosen.layouts.split(":"))

@@ -71,7 +71,7 @@ def parse_region(ctx: click.Context, param: click.Parameter, value: str | None) 
 @click.option(
     "--min-share",
     type=click.FloatRange(0.0, 1.0),
-    default=0.9,
+    default=0.8,
     show_default=True,
     help="Exit with 5 if the best place is less probable.",
 )

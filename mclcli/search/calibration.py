@@ -14,19 +14,28 @@ class Figures:
 
     ``log_odds`` of the best place against all others, "not on this map" and what is around none of them, after the beam
     model has looked; ``log_odds_field`` the same before it. ``misfit`` and ``misfit_rays`` [nats a beam]: how far below
-    a perfect fit the best pose is, by the field and by the beam model. ``log_beams`` of the effective number of beams.
+    a perfect fit the best pose is, by the field and by the beam model.
     """
 
     log_odds: float
     log_odds_field: float
     misfit: float
     misfit_rays: float
-    log_beams: float
+
+    @property
+    def agreed(self) -> float:
+        """The odds that both models grant."""
+        return min(self.log_odds, self.log_odds_field)
 
     @property
     def strain(self) -> float:
         """``misfit_rays``, as far as the field agrees: no returns where the map has walls are not yet another place."""
         return min(self.misfit_rays, 0.3 + 4.0 * self.misfit)
+
+    @property
+    def passed(self) -> float:
+        """What only walls on the way explain: beams that end well, but had to pass through some."""
+        return self.misfit_rays - 3.0 * self.misfit
 
 
 @final
@@ -41,14 +50,21 @@ class Term:
 
 
 # Fitted by
-#   python -m benchmarks.locate_worlds --layouts 0:8 -o worlds.csv && python -m benchmarks.locate_calibration worlds.csv
+#   python -m benchmarks.locate_worlds -o worlds.csv && python -m benchmarks.locate_calibration worlds.csv
 # on the layouts with even seeds; docs/locate.md shows how it does on the others, and on real logs.
-CONSTANT = 0.467
+CONSTANT = 0.012
 TERMS = (
-    Term("log_odds", -5.0, 12.0, 0.28),
-    Term("strain", 0.0, 3.0, -1.539),
+    Term("log_odds", -2.0, 4.0, 0.256),
+    Term("log_odds", 4.0, 30.0, 0.075),
+    Term("agreed", -4.0, 2.0, 0.538),
+    Term("agreed", 2.0, 12.0, 0.233),
+    Term("passed", -3.0, -1.0, -4.889),
+    Term("passed", -1.0, 0.0, -3.547),
+    Term("passed", 0.3, 1.0, -4.839),
+    Term("strain", 0.5, 1.0, -3.348),
+    Term("strain", 1.0, 3.0, -2.394),
 )
-LEAST, MOST = 0.0005, 0.9995  # a fit on some hundreds of cases cannot tell certainty
+LEAST, MOST = 0.0005, 0.9995  # a fit on some thousands of cases cannot tell certainty
 
 
 def logit(figures: Figures) -> float:

@@ -63,7 +63,6 @@ def weigh(
         log_odds_field=_log_odds(field, int(order[0]), log_off, rest),
         misfit=float(search.log_p.max()) - float(log_field[first]) / max(beams, 1),
         misfit_rays=(judge.log_peak - float(log_beam[first])) / max(judge.count, 1),
-        log_beams=math.log(max(beams * alpha, 1.0)),
     )
     shares = np.exp(corrected[order] - everything)
     return Weighing(order, shares, float(np.exp(log_off - everything)), log_beam, figures)

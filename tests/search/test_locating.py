@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -238,13 +239,17 @@ def test_scans_are_chosen_along_the_way_and_a_standing_robot_has_one() -> None:
     assert window.spread(straight[:1], 5).tolist() == [0]
 
 
-@pytest.mark.parametrize("name", ["log_odds", "misfit", "misfit_rays", "log_beams"])
-def test_the_calibration_is_monotone_in_every_figure(name: str) -> None:
-    base = Figures(log_odds=3.0, log_odds_field=2.0, misfit=0.1, misfit_rays=0.2, log_beams=3.5)
-    sign = -1.0 if name.startswith("misfit") else 1.0
-    values = [
-        probability(dataclasses.replace(base, **{name: getattr(base, name) + sign * step}))
-        for step in np.linspace(-2.0, 6.0, 30)
-    ]
-    assert (np.diff(values) >= 0.0).all()
-    assert all(0.0 < value < 1.0 for value in values)
+@pytest.mark.parametrize("rising", [True, False])
+@pytest.mark.parametrize(
+    "change",
+    [{"log_odds": 1.0}, {"log_odds_field": 1.0}, {"misfit_rays": -0.3}, {"misfit_rays": -0.3, "misfit": -0.1}],
+    ids=["odds", "the field's odds", "walls on the way", "all that does not fit"],
+)
+def test_the_calibration_is_monotone(change: dict[str, float], rising: bool) -> None:  # noqa: FBT001
+    for odds, misfit in itertools.product((-3.0, 1.0, 8.0, 40.0), (0.01, 0.2, 1.0)):
+        base = Figures(log_odds=odds, log_odds_field=odds - 1.0, misfit=misfit, misfit_rays=0.3 + misfit)
+        steps = np.linspace(0.0, 5.0, 40) * (1.0 if rising else -1.0)
+        moved = [{name: getattr(base, name) + by * step for name, by in change.items()} for step in steps]
+        values = [probability(dataclasses.replace(base, **one)) for one in moved]
+        assert (np.diff(values) * (1.0 if rising else -1.0) >= -1e-12).all()
+        assert all(0.0 < value < 1.0 for value in values)
