@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, final
@@ -140,8 +141,10 @@ def select(
     valid = ~np.isnan(ranges)
     chosen, slots = _subsample(valid, selection)
     chosen = chosen[valid[chosen]]
-    directions = _directions(scan, base_from_sensor, chosen, selection)
-    origins = np.broadcast_to(base_from_sensor[:2, 3], directions.shape)
+    lidar = scan.angle_min, scan.angle_increment, scan.ranges.size
+    directions = _directions(*lidar, base_from_sensor.tobytes(), selection.beam_angles)[chosen]
+    origins = np.empty(directions.shape)
+    origins[:] = base_from_sensor[:2, 3]
     if sweep is not None:
         origins, directions = _swept(origins, directions, sweep(chosen))
     spread = selection.laser_max_range if selection.range_of_rand == "parameter" else r_max
@@ -208,38 +211,43 @@ def _subsample(valid: NDArray[np.bool_], selection: BeamSelection) -> tuple[NDAr
     return np.arange(0, n, max(step, 1)), k
 
 
-def _directions(
-    scan: LaserScan, base_from_sensor: NDArray[np.float64], chosen: NDArray[np.int64], selection: BeamSelection
-) -> NDArray[np.float64]:
-    if selection.beam_angles == "nav2":
-        angles = _nav2_angles(scan, base_from_sensor, chosen)
+@functools.lru_cache(maxsize=8)
+def _directions(angle_min: float, increment: float, count: int, mount: bytes, rule: str) -> NDArray[np.float64]:
+    """Directions (count, 2) of all beams of a lidar on its ``mount`` (4, 4): the same in every scan."""
+    base_from_sensor = np.frombuffer(mount).reshape(4, 4)
+    if rule == "nav2":
+        angles = _nav2_angles(angle_min, increment, count, base_from_sensor)
         return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    angles = scan.angle_min + chosen.astype(np.float64) * scan.angle_increment
+    angles = angle_min + np.arange(count, dtype=np.float64) * increment
     cos, sin = np.cos(angles), np.sin(angles)
     (a, b), (c, d) = base_from_sensor[:2, :2].tolist()  # term by term: what BLAS adds up depends on the number of beams
     return np.stack([a * cos + b * sin, c * cos + d * sin], axis=-1)
 
 
 def _nav2_angles(
-    scan: LaserScan, base_from_sensor: NDArray[np.float64], chosen: NDArray[np.int64]
+    angle_min: float, increment: float, count: int, base_from_sensor: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Angles in the base frame as nav2_amcl derives them: two beams are turned, their difference is the increment.
 
     The sum of start and increment is formed in single precision, so that the last beams are off by up to 5e-5 rad.
     """
-    second = float(np.float32(scan.angle_min) + np.float32(scan.angle_increment))
+    second = float(np.float32(angle_min) + np.float32(increment))
     yaws = []
-    for angle in (scan.angle_min, second):
+    for angle in (angle_min, second):
         ray = base_from_sensor[:3, :3] @ np.array([math.cos(angle), math.sin(angle), 0.0])
         yaws.append(math.atan2(ray[1], ray[0]))
-    increment = math.fmod(yaws[1] - yaws[0] + 5.0 * math.pi, 2.0 * math.pi) - math.pi
-    return yaws[0] + chosen.astype(np.float64) * increment
+    turned = math.fmod(yaws[1] - yaws[0] + 5.0 * math.pi, 2.0 * math.pi) - math.pi
+    return yaws[0] + np.arange(count, dtype=np.float64) * turned
 
 
+@functools.lru_cache(maxsize=1024)
 def _evenly(n: int, k: int) -> NDArray[np.int64]:
     """k of n indices, the first and the last among them: ⌈i(n−1)/(k−1)⌉; all where k is 0 or at least n."""
     if k in {0, n} or k > n:
-        return np.arange(n)
-    if k == 1:
-        return np.zeros(1, np.int64)
-    return -(-np.arange(k) * (n - 1) // (k - 1))
+        chosen = np.arange(n)
+    elif k == 1:
+        chosen = np.zeros(1, np.int64)
+    else:
+        chosen = -(-np.arange(k) * (n - 1) // (k - 1))
+    chosen.flags.writeable = False
+    return chosen

@@ -78,7 +78,9 @@ class Lidar:
             return "scan with range_min nan"
         if reading.ranges.size > 1 and not abs(reading.angle_increment) > 0.0:
             return f"scan with angle_increment {reading.angle_increment:g}"
-        return "" if np.isfinite([reading.angle_min, reading.angle_increment]).all() else "scan with angles not finite"
+        if not (math.isfinite(reading.angle_min) and math.isfinite(reading.angle_increment)):
+            return "scan with angles not finite"
+        return ""
 
     def measure(
         self, reading: Reading, base_from_sensor: NDArray[np.float64], sweep: Sweep | None = None
