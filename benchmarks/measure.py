@@ -75,6 +75,15 @@ def peak_memory(code: str) -> float:
     return float(shown.stdout.split()[-1]) / 2**10
 
 
+def added_memory(prepare: str, code: str) -> float:
+    """Peak resident memory [MiB] while ``code`` runs, beyond what was resident after ``prepare``."""
+    status = "next(int(line.split()[1]) for line in open('/proc/self/status') if line.startswith('{}'))"
+    reset = f"open('/proc/self/clear_refs', 'w').write('5')\nbefore = {status.format('VmRSS')}"
+    script = f"{prepare}\n{reset}\n{code}\nprint({status.format('VmHWM')} - before)"
+    shown = subprocess.run([sys.executable, "-c", script], check=True, capture_output=True, text=True)
+    return float(shown.stdout.split()[-1]) / 2**10
+
+
 def table(
     rows: Sequence[tuple[str, ...]], head: tuple[str, ...] = ("what", "measured", "against, in the same run")
 ) -> str:

@@ -36,7 +36,7 @@ def rows() -> list[Row]:
         shares = weights.normalise(log_weights)
         weights.effective_sample_size(shares)
         mean = estimate.weighted_mean(poses, shares)
-        return mean, poses[resampling.systematic(shares, N, np.random.default_rng(1))]
+        return mean, poses.take(resampling.systematic(shares, N, np.random.default_rng(1)), axis=0)
 
     return [
         _row("motion, random numbers included", "≤ 60 ns", move),

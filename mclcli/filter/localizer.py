@@ -201,7 +201,7 @@ class Localizer:
         anew = anew[: round(share * n)]
         draws = rng.stream(self.seed, rng.Purpose.RESAMPLE, record.step)
         ancestors = resampler(record.weights, n - anew.shape[0], draws)
-        poses = record.poses[ancestors]
+        poses = record.poses.take(ancestors, axis=0)
         if anew.size:
             poses = np.concatenate([poses, anew])
         return FilterState(record.step + 1, poses, uniform_log_weights(n))
@@ -213,7 +213,7 @@ class Localizer:
             return largest
         draws = rng.stream(self.seed, rng.Purpose.KLD, record.step)
         pilot = RESAMPLERS[self.parameters.resampler](record.weights, largest - anew.shape[0], draws)
-        return kld_size(np.concatenate([record.poses[pilot], anew]), self.size, draws)
+        return kld_size(np.concatenate([record.poses.take(pilot, axis=0), anew]), self.size, draws)
 
 
 def _carry(record: StepRecord, log_total: float) -> FilterState:
