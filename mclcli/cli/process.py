@@ -34,7 +34,9 @@ def run(group: click.Group, args: list[str]) -> int:
     except Exception as error:  # noqa: BLE001 - the last line of defence: no traceback reaches the user
         if "--debug" in args and not isinstance(error, BrokenPipeError | click.exceptions.Exit):
             traceback.print_exc()
-        return _explain(error)
+        code = _explain(error)
+        _give_up_output()
+        return code
     return code if isinstance(code, int) else 0
 
 
@@ -59,10 +61,17 @@ class _ClosedOutput:
         return False
 
 
+def _give_up_output() -> None:
+    """Let go of what standard output does not take, or Python would try again at its end, and exit with 120."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
 def _explain(error: Exception) -> int:
     """Print what went wrong, if anything needs saying, and return the exit code."""
     if isinstance(error, BrokenPipeError):
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # what is still buffered goes nowhere
         return 128 + signal.SIGPIPE
     if isinstance(error, click.exceptions.Exit):
         return error.exit_code

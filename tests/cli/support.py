@@ -96,10 +96,14 @@ def mcl(*words: object, stdin: bytes = b"") -> Result:
 
 
 def process(*words: object, **options: Any) -> subprocess.Popen[bytes]:
-    """Start mcl as a process of its own; stdout and stderr are pipes unless said otherwise."""
+    """Start mcl as a process of its own; stdout and stderr are pipes unless said otherwise.
+
+    Its output is buffered, whatever the environment of the tests says, as it is for users.
+    """
     command = [sys.executable, "-c", ENTRY, *map(str, words)]
     streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    return subprocess.Popen(command, cwd=ROOT, **{**streams, **options})
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+    return subprocess.Popen(command, cwd=ROOT, **{"env": environment, **streams, **options})
 
 
 def finish(started: subprocess.Popen[bytes]) -> Result:
