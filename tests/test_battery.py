@@ -137,3 +137,9 @@ def test_the_table(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.Monke
 
 def _with(kind: str, _: Path) -> Verdict:
     return Verdict([(kind, "as asked")], {"asked": 1})
+
+
+def test_the_battery_explains_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit, match="0"):
+        main(["--help"])
+    assert "--quick" in capsys.readouterr().out

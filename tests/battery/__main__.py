@@ -22,7 +22,7 @@ def main(words: Sequence[str] | None = None) -> int:
     """Run what was asked for; 1 if a promise was broken."""
     parser = argparse.ArgumentParser(prog="python -m tests.battery", description=__doc__)
     parser.add_argument("--seed", type=int, default=0, help="of all damage")
-    parser.add_argument("--quick", action="store_true", help=f"only {QUICK:.0%} of each class")
+    parser.add_argument("--quick", action="store_true", help=f"only 1 in {1 / QUICK:.0f} of each class")
     parser.add_argument("--only", action="append", choices=list(CLASSES), help="one class; repeatable")
     parser.add_argument("--verbose", action="store_true", help="print every case")
     asked = parser.parse_args(words)
