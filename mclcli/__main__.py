@@ -11,11 +11,12 @@ def main() -> None:
         import warnings
 
         from mclcli.cli import main as start
+
+        if "--debug" not in sys.argv:
+            warnings.simplefilter("ignore")  # NumPy's are for programmers; mcl says what a user must know itself
+        start()
     except KeyboardInterrupt:
         sys.exit(130)
-    if "--debug" not in sys.argv:
-        warnings.simplefilter("ignore")  # NumPy's are for programmers; what a user must know is said in mcl's own words
-    start()
 
 
 if __name__ == "__main__":

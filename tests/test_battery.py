@@ -36,11 +36,12 @@ FOUND = {
     ),
     "scans and frames": ("odometry at 1e+300", "odometry at 10000000000.0", "range_min nan", "angle_max off by ten"),
 }
+FOUND_IN_DAMAGE = ("ros1.mcap, dropped span 30", "unchecked.mcap, bit in the body 20")  # with seed 7
 FINE = Verdict([], {})
 
 
-def cases(name: str, share: float = 1.0) -> dict[str, Case]:
-    return {case.name: case for case in CLASSES[name](0, share)}
+def cases(name: str, share: float = 1.0, seed: int = 0) -> dict[str, Case]:
+    return {case.name: case for case in CLASSES[name](seed, share)}
 
 
 @pytest.mark.parametrize("name", CLASSES)
@@ -57,6 +58,11 @@ def test_a_quick_share(name: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("name", "case"), [(name, case) for name, found in FOUND.items() for case in found])
 def test_what_was_found(name: str, case: str, tmp_path: Path) -> None:
     assert cases(name)[case].check(tmp_path).problems == []
+
+
+@pytest.mark.parametrize("case", FOUND_IN_DAMAGE)
+def test_what_was_found_in_damaged_logs(case: str, tmp_path: Path) -> None:
+    assert cases("damaged logs", seed=7)[case].check(tmp_path).problems == []
 
 
 def test_the_classes_are_as_large_as_promised() -> None:

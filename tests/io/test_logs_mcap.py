@@ -137,6 +137,18 @@ def test_a_chunk_that_fails_its_checksum_is_dropped_whole_and_counted(compressio
     assert (damage.first_ns, damage.last_ns) == (chunk.message_start_time, chunk.message_end_time)
 
 
+def test_a_chunk_that_is_gone_is_missed_beside_one_that_is_damaged() -> None:
+    data = bytearray(mcap_bytes(STAMPS, compression=CompressionType.NONE, data_crc=False))
+    starts = [start for start, _ in chunks_of(bytes(data))]
+    data[chunks_of(bytes(data))[4][1] - 300] ^= 0x10
+    del data[starts[2] : starts[3]]
+    seen = read(bytes(data))
+    broken, gone = seen.damages
+    assert broken.messages is not None
+    assert gone.messages == 60 - len(seen.messages) - broken.messages
+    assert gone.what == f"file counts 60 messages, {gone.messages} more than were found or said to be lost"
+
+
 def test_the_warning_reads_as_promised() -> None:
     data = bytearray(mcap_bytes(STAMPS, compression=CompressionType.NONE))
     start, stop = chunks_of(bytes(data))[1]

@@ -20,10 +20,15 @@ RESUMES = 1000
 @final
 @dataclass(slots=True)
 class Report:
-    """Makes the damages of the file ``source``. ``hurt``: messages were lost, so that totals need not agree."""
+    """Makes the damages of the file ``source``. ``hurt``: messages were lost, so that totals need not agree.
+
+    ``counted`` messages were said to be lost, beside those of ``uncounted`` damages that cannot tell how many.
+    """
 
     source: str
     hurt: bool = False
+    counted: int = 0
+    uncounted: int = 0
     bad_chunk: Damage | None = None  # a dropped chunk, waiting for its indexes to tell what was in it
 
     def lost(
@@ -31,7 +36,12 @@ class Report:
     ) -> Damage:
         """Damage at byte ``at`` that cost messages, or may have; ``first`` and ``last`` are log times [ns]."""
         self.hurt = True
+        self._count(messages)
         return Damage(self.source, at, what, messages, first, last)
+
+    def _count(self, messages: int | None) -> None:
+        self.counted += messages or 0
+        self.uncounted += messages is None
 
     def harmless(self, at: int, what: str) -> Damage:
         """Damage that cost no message."""
@@ -44,13 +54,19 @@ class Report:
     def flush(self) -> Iterator[Damage]:
         """Hand out the chunk that was waiting, if one was."""
         if self.bad_chunk is not None:
+            if self.bad_chunk.messages is not None:  # it was lost without a number
+                self.uncounted -= 1
+                self._count(self.bad_chunk.messages)
             yield self.bad_chunk
         self.bad_chunk = None
 
     def totals(self, at: int, found: int, stated: int | None, nameless: int) -> Iterator[Damage]:
         """Compare messages found with those the file states; ``nameless`` of them have a channel nobody describes."""
+        whole, more = not self.hurt, (stated or 0) - found - self.counted
         if nameless:
             yield self.lost(at, "messages of channels that nothing describes", nameless)
-        if stated is not None and stated != found and not self.hurt:
+        if stated is not None and stated != found and whole and not nameless:
             what = f"file counts {stated} messages, but {found} were found"
             yield self.lost(at, what, stated - found if stated > found else None)
+        elif more > 0 and not whole and not self.uncounted:
+            yield self.lost(at, f"file counts {stated} messages, {more} more than were found or said to be lost", more)
