@@ -70,6 +70,18 @@ def _mass_of_row(sums, counts, limit, weights):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(**OPTIONS)
+def _bound(pool, shape, ends, row, column, table):  # type: ignore[no-untyped-def]
+    """Bound of a node in floating point, added as its leaves are: what ties with it is known to the last bit."""
+    start, height, width, margin = shape[0], shape[1], shape[2], shape[4]
+    total = 0.0
+    for i in range(ends.shape[0]):
+        y, x = row + ends[i, 0] + margin, column + ends[i, 1] + margin
+        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+        total += table[pool[start + y * width + x] if inside else 255]
+    return total
+
+
+@nb.njit(**OPTIONS)
 def _value(codes, ends, row, column, log_p):  # type: ignore[no-untyped-def]
     """Value of a pose: the sum over beams, in their order, of what the cell has that each ends in."""
     height, width = codes.shape
@@ -112,7 +124,7 @@ def _take(key, value, slack, alpha, keys, values, whole, real):  # type: ignore[
 
 def _signature(code: nb.types.Type) -> object:
     real, whole = nb.float64, nb.int64
-    plane = (_BYTES, whole, _readonly(nb.int32, 2), real, real)
+    plane = (_BYTES, whole, _readonly(nb.int32, 2), real, real, _BYTES, _readonly(whole, 1), _REAL)
     world = (_readonly(code, 2), _readonly(nb.int32, 3), _readonly(nb.int32, 2), _REAL, _REALS, _REAL, _REAL)
     task = (_readonly(nb.int32, 2), _readonly(nb.int32, 1), real, real, _REAL)
     return nb.void(*plane, *world, *task, whole[::1], real[::1], whole[::1], real[::1], nb.uint16[::1])
@@ -120,7 +132,7 @@ def _signature(code: nb.types.Type) -> object:
 
 @nb.njit([_signature(nb.uint16), _signature(nb.uint32)], **OPTIONS)
 def look(  # type: ignore[no-untyped-def]
-    cells, stride, starts, perfect, step, codes, ends, counts, log_p, marks, law, angles,
+    cells, stride, starts, perfect, step, pool, shape, table, codes, ends, counts, log_p, marks, law, angles,
     nodes, costs, slack, alpha, weights, keys, values, whole, real, sums,
 ):  # fmt: skip
     """Look at the allowed poses of ``nodes`` (N, 3), angle, row and column, in order of their ``costs`` (N,).
@@ -130,7 +142,8 @@ def look(  # type: ignore[no-untyped-def]
     equals that of the least key, (angle·H + row)·W + column. With it all poses within ``slack`` of the best are written
     to ``keys`` and ``values``, −1 of them if there is no room; those that cost too much weigh ``weights`` of their
     cost, or nothing beyond these. A cost c stands for the bound ``perfect − step·c``; bearings add at most ``law[4]``.
-    ``counts`` (H, W) are 1 where the base may be; ``sums`` (64,) is scratch.
+    ``pool``, ``shape`` (5,) and ``table`` (256,) give a node's bound to the bit: nodes that can but tie with a pose of
+    a lesser key are left out. ``counts`` (H, W) are 1 where the base may be; ``sums`` (64,) is scratch.
     """
     height, width = codes.shape
     limit = _affordable(perfect, step, real[0] - slack - law[4])
@@ -141,8 +154,12 @@ def look(  # type: ignore[no-untyped-def]
     for n in range(nodes.shape[0]):
         t, top, left = nodes[n, 0], SIDE * nodes[n, 1], SIDE * nodes[n, 2]
         rows, columns = min(SIDE, height - top), min(SIDE, width - left)
-        if alpha == 0.0 and costs[n] > limit:
-            break
+        if alpha == 0.0:
+            if costs[n] > limit:
+                break
+            bound = _bound(pool, shape, ends[t], top, left, table) + law[4]
+            if bound < real[0] or (bound == real[0] and (t * height + top) * width + left > whole[0]):
+                continue
         if not _cost_block(cells, starts[t], top * stride + left, stride, stop, sums):
             mass += rows * columns * most
             continue

@@ -10,6 +10,7 @@ import numpy as np
 
 from mclcli import compiled
 from mclcli.search import costs
+from mclcli.world.pyramid import FINE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -133,7 +134,8 @@ class Search:
         whole, real = np.array([found.key, found.written], np.int64), np.array([found.value, found.pruned])
         compiled.load("leaves").look(
             plane.cells, plane.width, plane.starts, self.costs.perfect, self.costs.step,
-            self.field.codes, grid.ends, plane.counts, self.log_p, seen.marks, seen.law, grid.angles,
+            self.pyramid.pool, self.pyramid.shapes[FINE], self.costs.table, self.field.codes,
+            grid.ends, plane.counts, self.log_p, seen.marks, seen.law, grid.angles,
             nodes.places[order], nodes.costs[order], slack, alpha, weights,
             found.keys, found.values, whole, real, np.empty(64, np.uint16),
         )  # fmt: skip

@@ -50,12 +50,14 @@ class Plane:
 class Costs:
     """Planes of the two levels whose nodes are bounded in rows, and ``leaves`` of the poses themselves.
 
-    A cost c stands for the bound ``perfect − step·c`` [nats]; none is higher than ``most``.
+    A cost c stands for the bound ``perfect − step·c`` [nats]; none is higher than ``most``. ``table`` (256,) is the
+    greatest value of every bin.
     """
 
     coarse: Plane
     fine: Plane
     leaves: Plane
+    table: NDArray[np.float64]
     perfect: float
     step: float
     most: int
@@ -118,7 +120,7 @@ def lay_out(field: DistanceField, pyramid: Pyramid, lattice: Lattice, log_p: NDA
     coarse = _nodes(pyramid, COARSE, groups, cost(table), places)
     fine = _nodes(pyramid, FINE, ends, cost(table), places)
     leaves = _leaves(field, ends, cost(log_p), places)
-    return Costs(coarse, fine, leaves, float(table[0]) * beams + slip, step, most * beams)
+    return Costs(coarse, fine, leaves, table, float(table[0]) * beams + slip, step, most * beams)
 
 
 def _nodes(pyramid: Pyramid, level: int, ends: NDArray[np.int32], cost: NDArray[np.uint8], places: Places) -> Plane:
