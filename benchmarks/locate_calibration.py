@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.locate_worlds import OFF_MAP
 from mclcli.search import calibration
 from mclcli.search.calibration import Figures
 
@@ -137,9 +138,9 @@ def main() -> None:
         if part:
             judge(part, title)
             by_window(part, chosen.least)
-    on_map = [row for row in held_out if row["change"] != "elsewhere"]
+    on_map = [row for row in held_out if row["change"] not in OFF_MAP]
     if on_map:
-        print("\nHeld-out layouts, without the robots that are elsewhere:")
+        print("\nHeld-out layouts, without robots that are elsewhere and scans of noise:")
         by_window(on_map, chosen.least)
     parts = {"Held-out layouts": held_out}
     for path in chosen.real:

@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 
 WINDOWS = (0.0, 2.0, 5.0, 10.0, 20.0)
 KINDS = ("office", "hall", "corridors")
-CHANGES = ("none", "boxes", "doors", "much", "elsewhere")
+CHANGES = ("none", "boxes", "doors", "much", "elsewhere", "noise")
+OFF_MAP = {"elsewhere", "noise"}
 MOMENTS = 4
 COLUMNS = (
     "kind", "layout", "change", "moment", "window", "error", "turn", "right", "among", "share", "elsewhere",
@@ -55,7 +56,10 @@ def building(kind: str, seed: int) -> Building:
 
 
 def changed(mapped: Building, kind: str, change: str, seed: int) -> Building:
-    """The building as it is today; ``elsewhere`` is a building of another kind, which the map does not show."""
+    """The building as it is today; ``elsewhere`` is a building of another kind, which the map does not show.
+
+    With ``noise`` the building is as it was, but scans have nothing to do with it.
+    """
     if change == "elsewhere":  # floors of a kind have corridors in common: the robot would be right to recognise them
         return building(KINDS[(KINDS.index(kind) + 1) % len(KINDS)], seed + 1000)
     if change == "boxes":
@@ -132,6 +136,21 @@ def observations(recording: Recording) -> list[Observation]:
     ]  # fmt: skip
 
 
+def drowned(seen: list[Observation], rng: np.random.Generator) -> list[Observation]:
+    """Scans that say nothing: readings at random, all alike, or all of them too long for the building."""
+    kind, drowned_scans = int(rng.integers(3)), []
+    for one in seen:
+        assert isinstance(one.reading, LaserScan)  # noqa: S101 - observations() made it
+        far = one.reading.range_max
+        ranges = {
+            0: rng.uniform(0.1, far, one.reading.ranges.size),
+            1: np.full(one.reading.ranges.size, rng.uniform(0.2, 0.9) * far),
+            2: rng.uniform(0.8, 0.99, one.reading.ranges.size) * far,
+        }[kind]
+        drowned_scans.append(dataclasses.replace(one, reading=dataclasses.replace(one.reading, ranges=ranges)))
+    return drowned_scans
+
+
 def finder_of(mapped: Building) -> whereabouts.Finder:
     """The search over a building's map, with default settings."""
     grid = OccupancyGrid(mapped.grid, mapped.resolution, np.array(mapped.origin))
@@ -151,6 +170,8 @@ def rows(kind: str, change: str, seed: int) -> Iterator[list[object]]:
     """Every moment and window of one drive."""
     mapped, recording = record(kind, change, seed)
     finder, seen = finder_of(mapped), observations(recording)
+    if change == "noise":
+        seen = drowned(seen, np.random.default_rng(seed))
     stamps = recording.scan_stamps_ns
     late = np.flatnonzero(stamps >= stamps[0] + round(max(WINDOWS) * 1e9))
     for moment in late[np.linspace(0, late.size - 1, MOMENTS).astype(int)] if late.size else []:
@@ -159,7 +180,14 @@ def rows(kind: str, change: str, seed: int) -> Iterator[list[object]]:
             first = int(np.searchsorted(stamps, stamps[moment] - round(window * 1e9)))
             location = finder.find(seen[first : moment + 1], 5)
             if location is not None:
-                yield [kind, seed, change, moment, window, *result(location, true, on_map=change != "elsewhere")]
+                yield [
+                    kind,
+                    seed,
+                    change,
+                    moment,
+                    window,
+                    *result(location, true, on_map=change not in OFF_MAP),
+                ]
 
 
 def result(location: Location, true: np.ndarray, *, on_map: bool) -> list[object]:

@@ -74,6 +74,24 @@ def test_the_pose_is_that_of_the_last_scan_whatever_odometry_did_before() -> Non
         assert angle < math.radians(0.7), odometry
 
 
+@pytest.mark.parametrize("kind", ["beyond the map", "at random", "all alike", "two beams"])
+def test_a_scan_that_says_nothing_is_not_believed(kind: str) -> None:
+    grid = hall()
+    (seen,) = seen_from(grid, POSE, range_max=60.0)
+    assert isinstance(seen.reading, LaserScan)
+    count = 2 if kind == "two beams" else seen.reading.ranges.size
+    ranges = {
+        "beyond the map": np.full(count, 50.0),
+        "at random": np.random.default_rng(0).uniform(0.1, 20.0, count),
+        "all alike": np.full(count, 4.5),
+        "two beams": np.array([1.0, 2.0]),
+    }[kind]
+    drowned = dataclasses.replace(seen, reading=dataclasses.replace(seen.reading, ranges=ranges))
+    location = finder_for(grid).find([drowned], 5)
+    assert location is not None
+    assert location.modes[0].share < 0.5
+
+
 def test_later_scans_are_ever_fewer() -> None:
     assert [window.halves(count) for count in (1, 2, 3, 12)] == [[], [1], [1], [6, 3, 1]]
 
