@@ -3,11 +3,12 @@ from __future__ import annotations
 import _thread
 import io
 import os
+import signal
 import struct
 import threading
 from contextlib import suppress
 from dataclasses import replace
-from itertools import count, islice
+from itertools import islice
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,6 +34,7 @@ from tests.data import shared
 from tests.io.traces import START_NS, grid, point, record
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from mclcli.io.writers import BinarySink
@@ -361,17 +363,26 @@ class _Interrupting(io.BytesIO):
         return super().write(data)
 
 
+@pytest.fixture
+def _interruptible() -> Iterator[None]:
+    """Ctrl-C interrupts, also where the tests were started in the background, with SIGINT ignored."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.mark.usefixtures("_interruptible")
 @pytest.mark.parametrize("k", [10, 11, 12, 13, 30])
 def test_ctrl_c_tears_no_chunk(k: int) -> None:
     stream = _Interrupting(k)
     writer = _writer(stream)
 
-    def run_for_ever() -> None:
-        for step in count():
+    def run_until_interrupted() -> None:
+        for step in range(1000):
             writer.write(point(step, n=700))
 
     with pytest.raises(KeyboardInterrupt):
-        run_for_ever()
+        run_until_interrupted()
     writer.close()
     found = _decoded(stream.getvalue())
     steps = [message.step for message in _of(found, "/mcl/step")]
