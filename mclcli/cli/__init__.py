@@ -30,10 +30,12 @@ class _LazyGroup(click.Group):
     """Imports a subcommand's module only when that subcommand is called."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
+        """Names of all subcommands, in the order of the help."""
         del ctx
         return list(COMMANDS)
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        """The subcommand of this name, imported now; None if there is none."""
         del ctx
         if cmd_name not in COMMANDS:
             return None
@@ -45,6 +47,7 @@ class _LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The subcommand that the first word names; UsageError, with the nearest name, if there is none."""
         if args and args[0] not in COMMANDS:
             from mclcli.errors import nearest_name
 
@@ -53,6 +56,7 @@ class _LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the subcommands in the help without importing any."""
         del ctx
         with formatter.section("Commands"):
             formatter.write_dl(list(COMMANDS.items()))

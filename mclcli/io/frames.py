@@ -31,6 +31,7 @@ class _Edge:
         self.matrices: list[NDArray[np.float64]] = []
 
     def add(self, stamp_ns: int, matrix: NDArray[np.float64], *, keep: bool) -> None:
+        """Take in the transform (4, 4) at a stamp; without ``keep`` only whether it ever changes."""
         self.moves = self.moves or float(np.abs(self.first - matrix).max()) > _SAME
         if keep and (not self.stamps or stamp_ns > self.stamps[-1]):
             self.stamps.append(stamp_ns)
@@ -50,6 +51,7 @@ class _Edge:
         return se3.interpolate(self.matrices[after - 1], self.matrices[after], fraction)
 
     def forget_before(self, stamp_ns: int) -> None:
+        """Drop what is needed at no stamp from this one on."""
         unneeded = bisect_left(self.stamps, stamp_ns) - 1
         if unneeded > 0:
             del self.stamps[:unneeded], self.matrices[:unneeded]

@@ -18,15 +18,9 @@ if TYPE_CHECKING:
 
     from mclcli.io.writers import BinarySink
 
-_HEADER, _CHUNK_INDEX, _ATTACHMENT, _ATTACHMENT_INDEX, _METADATA, _METADATA_INDEX, _SUMMARY_OFFSET = (
-    1,
-    8,
-    9,
-    10,
-    12,
-    13,
-    14,
-)
+_HEADER, _CHUNK_INDEX, _SUMMARY_OFFSET = 1, 8, 14
+_ATTACHMENT, _ATTACHMENT_INDEX = 9, 10
+_METADATA, _METADATA_INDEX = 12, 13
 _MESSAGE_START = struct.Struct("<BQHIQQ")
 
 
@@ -75,6 +69,7 @@ class _Chunk:
     index: dict[int, list[tuple[int, int]]] = field(default_factory=dict)
 
     def put(self, *parts: bytes) -> None:
+        """Append the parts of a record."""
         self.parts += parts
         self.size += sum(map(len, parts))
 

@@ -72,10 +72,12 @@ class _Layout:
 
     @property
     def right(self) -> int:
+        """Where the panel ends, to the right."""
         return self.left + self.panel[0]
 
     @property
     def bottom(self) -> int:
+        """Where the panel ends, below."""
         return self.top + self.panel[1]
 
 
