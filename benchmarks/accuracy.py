@@ -15,20 +15,20 @@ import numpy as np
 
 import mclcli as mcl
 from mclcli.evaluate.metrics import absolute_pose_errors
-from mclcli.io.landmarks_file import read_landmarks
-from mclcli.io.tum import read_tum
-from mclcli.profiles import PROFILES
+from mclcli.geometry.trajectory import Trajectory
+from mclcli.io.tables.landmarks_file import read_landmarks
+from mclcli.io.tables.tum import read_tum
 from mclcli.records import LandmarkSightings, Odometry, StampedPose
-from mclcli.trajectory import Trajectory
+from mclcli.settings.profiles import PROFILES
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
     from mclcli.filter.start import Start
-    from mclcli.intake import Setup
-    from mclcli.io.recording import Recording
-    from mclcli.profiles import Settings
+    from mclcli.io.recording.recording import Recording
     from mclcli.records import TrackPoint
+    from mclcli.replay.intake import Setup
+    from mclcli.settings.profiles import Settings
 
 HEAD = "| log | profile | RMSE, median [m] | worst seed [m] | at the end, worst [m] | lost |"
 LOST = 1.0  # [m] a run that errs so much at any scan has lost the robot for a while

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, BinaryIO, cast
 import numpy as np
 from mcap.writer import Writer
 
-from mclcli.io.cdr import CdrWriter
-from mclcli.io.map_yaml import load_map
+from mclcli.io.maps.map_yaml import load_map
+from mclcli.io.traces.cdr import CdrWriter
 from mclcli.world.raycast import make_caster
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from benchmarks.measure import added_memory, alternate, timed
-from mclcli.io.field_cache import cached_field
+from mclcli.io.maps.field_cache import cached_field
 from mclcli.world import distance_field
 from mclcli.world.occupancy import FREE, OCCUPIED, OccupancyGrid
 

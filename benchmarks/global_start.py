@@ -13,7 +13,7 @@ import mclcli as mcl
 from benchmarks.accuracy import CASES, SAMPLES, Loaded
 
 if TYPE_CHECKING:
-    from mclcli.profiles import Settings
+    from mclcli.settings.profiles import Settings
 
 _LOGS = ("intel", "office sample", "warehouse sample")
 _SCANS = 300

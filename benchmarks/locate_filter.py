@@ -13,16 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import mclcli as mcl
-from mclcli import profiles, se2
-from mclcli.cli.finding import make_finder
-from mclcli.io.tum import read_tum
+from mclcli.cli.searching import make_finder
+from mclcli.geometry import se2
+from mclcli.io.tables.tum import read_tum
 from mclcli.records import LaserScan, Odometry
-from mclcli.whereabouts import FoundAgain, FoundOnMap
+from mclcli.replay.finder import FoundAgain, FoundOnMap
+from mclcli.settings import profiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mclcli.io.recording import Recording
+    from mclcli.io.recording.recording import Recording
     from mclcli.records import TrackPoint
     from mclcli.world.occupancy import OccupancyGrid
 

@@ -18,19 +18,20 @@ import numpy as np
 
 import mclcli as mcl
 from benchmarks.locate_worlds import COLUMNS, result
-from mclcli import profiles, se2
-from mclcli.cli.finding import make_finder
-from mclcli.intake import Intake
-from mclcli.io.tum import read_tum
+from mclcli.cli.searching import make_finder
+from mclcli.geometry import se2
+from mclcli.io.tables.tum import read_tum
 from mclcli.records import LaserScan, Odometry
-from mclcli.replay import ReplayTally
+from mclcli.replay.intake import Intake
+from mclcli.replay.loop import ReplayTally
 from mclcli.search import branching, lattice
 from mclcli.sensors.observation import Observation
+from mclcli.settings import profiles
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mclcli.whereabouts import Finder
+    from mclcli.replay.finder import Finder
 
 
 @dataclass(frozen=True)

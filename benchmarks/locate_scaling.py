@@ -9,11 +9,12 @@ import time
 
 import numpy as np
 
-from mclcli import profiles, whereabouts
 from mclcli.records import LaserScan
+from mclcli.replay import finder as whereabouts
 from mclcli.search import branching, lattice
 from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.sensors.observation import Observation
+from mclcli.settings import profiles
 from mclcli.world import distance_field, pyramid
 from mclcli.world.occupancy import OccupancyGrid
 from mclcli.world.raycast import make_caster

@@ -17,12 +17,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import profiles, se2, se3, whereabouts
-from mclcli.assemble import lidar_model
+from mclcli.geometry import se2, se3
 from mclcli.records import LaserScan
+from mclcli.replay import finder as whereabouts
+from mclcli.replay.setup import lidar_model
 from mclcli.search.calibration import Figures
 from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.sensors.observation import Observation
+from mclcli.settings import profiles
 from mclcli.world import distance_field, pyramid
 from mclcli.world.occupancy import OccupancyGrid
 from samples.sim.changes import close_doors, move_boxes

@@ -16,11 +16,12 @@ from scipy.ndimage import map_coordinates
 from scipy.special import ndtr
 
 from benchmarks.measure import alternate, table, timed
-from mclcli import compiled, profiles
-from mclcli.io.map_yaml import load_map
+from mclcli.io.maps.map_yaml import load_map
+from mclcli.native import backend
 from mclcli.sensors.beams import Beams
 from mclcli.sensors.bearing import BearingModel, BearingParameters, Bearings
 from mclcli.sensors.models import LIDAR_MODELS
+from mclcli.settings import profiles
 from mclcli.world import distance_field
 
 if TYPE_CHECKING:
@@ -173,5 +174,5 @@ def rows() -> list[tuple[str, str, str]]:
 
 
 if __name__ == "__main__":
-    compiled.load("likelihood_field")
+    backend.load("likelihood_field")
     print(table(rows()))

@@ -11,8 +11,9 @@ import numpy as np
 
 from benchmarks.drive import MAP
 from benchmarks.measure import alternate, timed
-from mclcli.io.map_yaml import load_map
-from mclcli.sensors.beam import BeamModel, BeamParameters
+from mclcli.io.maps.map_yaml import load_map
+from mclcli.sensors.beam import BeamModel
+from mclcli.sensors.beam_forms import BeamParameters
 from mclcli.sensors.beams import Beams
 from mclcli.sensors.bearing import BearingModel, BearingParameters, Bearings
 from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import profiles, se2
-from mclcli.replay import replay
+from mclcli.geometry import se2
+from mclcli.replay.loop import replay
+from mclcli.settings import profiles
 from samples.sim import memory
 from samples.sim.layouts import office_floor
 from samples.sim.recording import Recording, Scenario, simulate

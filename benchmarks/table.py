@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from benchmarks import fields, particles, runs, scoring
 from benchmarks.measure import table
-from mclcli import compiled
+from mclcli.native import backend
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,7 +42,7 @@ def main() -> None:
     options.add_argument("parts", nargs="*", default=list(PARTS), help=", ".join(PARTS))
     chosen = options.parse_args()
     for name in ("likelihood_field", "particles", "trigonometry"):
-        compiled.load(name)
+        backend.load(name)
     rows = [row for part in chosen.parts for row in PARTS[part]()]
     if chosen.stream:
         rows.append(runs.stream(chosen.stream))

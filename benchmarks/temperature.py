@@ -16,8 +16,8 @@ import numpy as np
 
 import mclcli as mcl
 from benchmarks.accuracy import CASES, reference_of
-from mclcli import se2
-from mclcli.io.landmarks_file import read_landmarks
+from mclcli.geometry import se2
+from mclcli.io.tables.landmarks_file import read_landmarks
 from mclcli.records import StampedPose
 
 if TYPE_CHECKING:

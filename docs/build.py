@@ -13,8 +13,9 @@ from pathlib import Path
 
 from click.testing import CliRunner
 
-from mclcli import nav2_names, profiles
 from mclcli.cli import COMMANDS, group
+from mclcli.settings import profiles
+from mclcli.settings.robots import names
 
 ROOT = Path(__file__).resolve().parents[1]
 _BEGIN, _END = "<!-- table: made by docs/build.py -->", "<!-- end of table -->"
@@ -72,7 +73,7 @@ def _profile_table() -> list[str]:
 
 
 def _robots_names(name: str) -> str:
-    rows = [row for row in nav2_names.TABLE if row.becomes == name]
+    rows = [row for row in names.TABLE if row.becomes == name]
     return ", ".join(f"`{row.name}`{'' if row.nav2 is not None else ' (Beluga)'}" for row in rows)
 
 
@@ -95,19 +96,19 @@ def _nav2_table() -> str:
         "|---|---|---|---|---|---|",
     ]
     kinds = {bool: "bool", int: "int", float: "double", str: "string"}
-    for row in nav2_names.TABLE:
+    for row in names.TABLE:
         defaults = ["–" if default is None else _shown(default) for default in (row.nav2, row.beluga)]
         cells = (f"`{row.name}`", kinds[row.kind], *defaults, _becomes(row), _more(row))
         lines.append(f"| {' | '.join(cells)} |")
-    generic = [f"`{name}`" for name in nav2_names.OF_ANY_NODE] + [f"`{name}…`" for name in nav2_names.OF_ANY_NODE_BELOW]
+    generic = [f"`{name}`" for name in names.OF_ANY_NODE] + [f"`{name}…`" for name in names.OF_ANY_NODE_BELOW]
     return "\n".join([*lines, "", f"Every node may have these, without a part in a replay: {', '.join(generic)}.", ""])
 
 
-def _becomes(row: nav2_names.Name) -> str:
-    return "" if row.becomes == nav2_names.NOTHING else f"`{row.becomes}`"
+def _becomes(row: names.Name) -> str:
+    return "" if row.becomes == names.NOTHING else f"`{row.becomes}`"
 
 
-def _more(row: nav2_names.Name) -> str:
+def _more(row: names.Name) -> str:
     words = {word: own for word, own in row.words.items() if str(word) != own}
     said = [", ".join(f"{_shown(word)}: `{_shown(own)}`" for word, own in words.items())] if words else []
     said += [row.note] if row.note else []

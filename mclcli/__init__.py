@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from mclcli.version import __version__
 
 if TYPE_CHECKING:
-    from mclcli.assemble import prepare
     from mclcli.evaluate.association import Matching
     from mclcli.evaluate.evaluation import Evaluation, Protocol
     from mclcli.evaluate.evaluation import evaluate as evaluate_track
@@ -18,13 +17,14 @@ if TYPE_CHECKING:
     from mclcli.evaluate.versus import Comparison
     from mclcli.evaluate.versus import compare as compare_tracks
     from mclcli.filter.start import AlongPoses, Anywhere, AroundPose, AroundSeveral
-    from mclcli.io.map_yaml import load_map
-    from mclcli.io.recording import open_recording
-    from mclcli.io.stated import read_trajectory
-    from mclcli.parameter_files.reading import load_settings
-    from mclcli.profiles import build as settings
-    from mclcli.replay import ReplayTally, replay
-    from mclcli.trajectory import Trajectory, track_of
+    from mclcli.geometry.trajectory import Trajectory, track_of
+    from mclcli.io.maps.map_yaml import load_map
+    from mclcli.io.recording.recorded_poses import read_trajectory
+    from mclcli.io.recording.recording import open_recording
+    from mclcli.replay.loop import ReplayTally, replay
+    from mclcli.replay.setup import prepare
+    from mclcli.settings.profiles import build as settings
+    from mclcli.settings.robots.reading import load_settings
 
 _HOMES = {
     "AlongPoses": "mclcli.filter.start",
@@ -35,19 +35,19 @@ _HOMES = {
     "Evaluation": "mclcli.evaluate.evaluation",
     "Matching": "mclcli.evaluate.association",
     "Protocol": "mclcli.evaluate.evaluation",
-    "ReplayTally": "mclcli.replay",
+    "ReplayTally": "mclcli.replay.loop",
     "Rule": "mclcli.evaluate.events",
-    "Trajectory": "mclcli.trajectory",
+    "Trajectory": "mclcli.geometry.trajectory",
     "compare_tracks": "mclcli.evaluate.versus",
     "evaluate_track": "mclcli.evaluate.evaluation",
-    "load_map": "mclcli.io.map_yaml",
-    "load_settings": "mclcli.parameter_files.reading",
-    "open_recording": "mclcli.io.recording",
-    "prepare": "mclcli.assemble",
-    "read_trajectory": "mclcli.io.stated",
-    "replay": "mclcli.replay",
-    "settings": "mclcli.profiles",
-    "track_of": "mclcli.trajectory",
+    "load_map": "mclcli.io.maps.map_yaml",
+    "load_settings": "mclcli.settings.robots.reading",
+    "open_recording": "mclcli.io.recording.recording",
+    "prepare": "mclcli.replay.setup",
+    "read_trajectory": "mclcli.io.recording.recorded_poses",
+    "replay": "mclcli.replay.loop",
+    "settings": "mclcli.settings.profiles",
+    "track_of": "mclcli.geometry.trajectory",
 }
 
 # where the library's name differs

@@ -1,6 +1,6 @@
 """Parameters as fields of frozen dataclasses: each states its unit, nav2's name, its meaning and its bounds.
 
-A model's parameters are a dataclass beside the model; ``mclcli.profiles`` gathers them all into one table.
+A model's parameters are a dataclass beside the model; ``mclcli.settings.profiles`` gathers them all into one table.
 """
 
 from __future__ import annotations

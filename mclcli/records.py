@@ -101,7 +101,7 @@ class PixelSightings:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraModel:
-    """A camera's calibration as stated (sensor_msgs/CameraInfo); nothing is checked here, see ``mclcli.camera``.
+    """A camera's calibration as stated (sensor_msgs/CameraInfo); nothing is checked here (``geometry.pinhole`` does).
 
     ``k`` (3, 3) and ``distortion`` (C,) of model ``distortion_model`` belong to the raw image, the rotation ``r``
     (3, 3) leads from it to the rectified one, to which ``p`` (3, 4) belongs. They are told for the full image, of

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mclcli import compiled
+from mclcli.native import backend
 from mclcli.records import LandmarkSightings, LaserScan, Odometry, Transform
 from mclcli.world.occupancy import FREE, OCCUPIED, OccupancyGrid
 
@@ -65,4 +65,4 @@ def transform(
 
 def use_compiled(monkeypatch: pytest.MonkeyPatch, *, always: bool) -> None:
     """Take the compiled path for every job, or NumPy's for every job."""
-    monkeypatch.setattr(compiled, "_STEPS_WORTH_COMPILING", 0.0 if always else math.inf)
+    monkeypatch.setattr(backend, "_STEPS_WORTH_COMPILING", 0.0 if always else math.inf)

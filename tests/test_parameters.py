@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import profiles
 from mclcli.cli import options
 from mclcli.errors import UsageError
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
+from mclcli.settings import profiles
 
 
 def test_nothing_given_means_the_defaults_of_the_table() -> None:

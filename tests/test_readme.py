@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import importlib
 import re
 import shlex
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
-from mclcli.cli import COMMANDS
-
-if TYPE_CHECKING:
-    import click
+from mclcli.cli import COMMANDS, load_command
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -26,8 +21,7 @@ def blocks(language: str) -> list[str]:
 
 
 def options_of(name: str) -> set[str]:
-    command: click.Command = importlib.import_module(f"mclcli.cli.{name}").command
-    return {option for parameter in command.params for option in parameter.opts}
+    return {option for parameter in load_command(name).params for option in parameter.opts}
 
 
 def test_the_python_block_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,25 +9,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from mclcli import profiles, se3
 from mclcli.filter.kld import KldParameters
 from mclcli.filter.start import AroundPose
+from mclcli.geometry import se3
 from mclcli.records import LaserScan
-from mclcli.replay import ReplayTally, replay
+from mclcli.replay.loop import ReplayTally, replay
+from mclcli.settings import profiles
 from samples.sim import memory
 from samples.sim.layouts import office_floor
 from samples.sim.recording import Recording, Scenario, simulate
 from samples.sim.robot import Drive
 from samples.sim.sensors import Lidar, Mount
-from tests.replays import NOISY, ns, odom, setup
-from tests.replays import run as replayed
+from tests.replay.replays import NOISY, ns, odom, setup
+from tests.replay.replays import run as replayed
 from tests.support import scan_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.records import TrackPoint
-    from tests.replays import Event
+    from tests.replay.replays import Event
 
 MOUNT = Mount(0.1, 0.0, 0.2)
 TOUR = ("lobby", "south2", "south3")

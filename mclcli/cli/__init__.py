@@ -12,7 +12,8 @@ from mclcli.version import __version__
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-# name: (what `mcl --help` says of it); each command is a function `command` in the module of its name
+# name: what `mcl --help` says of it; each command is a function `command` in the module, or the package's module
+# `command`, of its name
 COMMANDS = {
     "info": "What a log holds, which topic plays which part, and how to run it.",
     "dt": "Compute (or find in the cache) the distance field of a map.",
@@ -24,6 +25,18 @@ COMMANDS = {
     "recover": "Save every whole message of a damaged log into a clean MCAP.",
     "params": "Print every parameter with its effective value and meaning.",
 }
+
+
+_PACKAGES = {"run", "eval", "locate", "score"}
+
+
+def load_command(name: str) -> click.Command:
+    """A subcommand by its name, imported now."""
+    import importlib
+
+    where = f"mclcli.cli.{name}.command" if name in _PACKAGES else f"mclcli.cli.{name}"
+    command: click.Command = importlib.import_module(where).command
+    return command
 
 
 class _LazyGroup(click.Group):
@@ -39,10 +52,7 @@ class _LazyGroup(click.Group):
         del ctx
         if cmd_name not in COMMANDS:
             return None
-        import importlib
-
-        command: click.Command = importlib.import_module(f"mclcli.cli.{cmd_name}").command
-        return command
+        return load_command(cmd_name)
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]

@@ -52,8 +52,8 @@ def command(
 ) -> None:
     """Distance from every cell of MAP to the nearest occupied cell; kept in the cache for the other commands."""
     from mclcli.cli import console
-    from mclcli.io import field_cache
-    from mclcli.io.map_yaml import load_map
+    from mclcli.io.maps import field_cache
+    from mclcli.io.maps.map_yaml import load_map
     from mclcli.world import distance_field
 
     del threads  # the transform runs on one
@@ -99,7 +99,7 @@ def _write(field: DistanceField, grid: OccupancyGrid, output: str | None, png: s
     import io
 
     from mclcli.cli import pictures
-    from mclcli.io.output import open_output
+    from mclcli.io.traces.output import open_output
 
     if output is not None:
         import numpy as np

@@ -15,7 +15,7 @@ from mclcli.errors import InputError, UsageError
 if TYPE_CHECKING:
     from typing import Literal
 
-    from mclcli.io.recording import Recording
+    from mclcli.io.recording.recording import Recording
 
     Form = Literal["yaml", "json"]
 
@@ -46,19 +46,19 @@ if TYPE_CHECKING:
 @options.common
 def command(log: str, topic: str | None, at: str | None, index: int | None, form: Form, **arguments: Any) -> None:
     """One message of LOG as YAML or JSON; a laser scan carries along where its lidar sits on the base."""
-    from mclcli.cli import scans
-    from mclcli.io.roles import SCAN
-    from mclcli.io.scan_file import format_scan
+    from mclcli.cli import one_scan
+    from mclcli.io.recording.roles import SCAN
+    from mclcli.io.tables.scan_file import format_scan
 
-    recording, parts = scans.open_for_scan(Path(log), None)
+    recording, parts = one_scan.open_for_scan(Path(log), None)
     channel = recording.found.topics.get(topic or "")
     if topic is not None and (channel is None or channel.channel.type not in SCAN):
         click.echo(_other(recording, topic, at, index, form), nl=False)
         return
     parts = parts if topic is None else dataclasses.replace(parts, scan=(topic,))
-    scan = scans.scan_of_log(recording, parts, at, index)
+    scan = one_scan.scan_of_log(recording, parts, at, index)
     try:
-        mount = scans.mount_in_log(recording, parts, scan, arguments["mounts"])
+        mount = one_scan.mount_in_log(recording, parts, scan, arguments["mounts"])
     except InputError as error:
         console.warn(f"{error}; the scan is printed without it")
         mount = None
@@ -67,12 +67,12 @@ def command(log: str, topic: str | None, at: str | None, index: int | None, form
 
 def _other(recording: Recording, topic: str, at: str | None, index: int | None, form: Form) -> str:
     """Any other message whose type is known, as it is."""
-    from mclcli.cli import scans
-    from mclcli.io.messages import to_plain
-    from mclcli.io.yaml_text import to_yaml
+    from mclcli.cli import one_scan
+    from mclcli.io.messages.decoding import to_plain
+    from mclcli.io.tables.yaml_text import to_yaml
 
     if topic not in recording.found.topics:
         raise UsageError(f"no topic '{topic}' in the log; it has {', '.join(sorted(recording.found.topics)) or 'none'}")
-    message = scans.pick_one(recording.raw(topic), lambda raw: raw.log_time_ns, recording.first_ns, at, index)
+    message = one_scan.pick_one(recording.raw(topic), lambda raw: raw.log_time_ns, recording.first_ns, at, index)
     plain = to_plain(message)
     return to_yaml(plain) if form == "yaml" else json.dumps(plain) + "\n"

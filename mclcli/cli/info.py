@@ -15,10 +15,10 @@ from mclcli.cli import options
 from mclcli.text import clean
 
 if TYPE_CHECKING:
-    from mclcli.io.diagnosis import Diagnosis
-    from mclcli.io.recording import Recording
-    from mclcli.io.roles import Roles
-    from mclcli.io.survey import LogSurvey, TopicSurvey
+    from mclcli.io.recording.diagnosis import Diagnosis
+    from mclcli.io.recording.recording import Recording
+    from mclcli.io.recording.roles import Roles
+    from mclcli.io.recording.survey import LogSurvey, TopicSurvey
 
 DAMAGED = 3
 
@@ -33,10 +33,10 @@ def command(logs: tuple[str, ...], as_json: bool, **_: Any) -> int:
 
     And what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
     """
-    from mclcli.io import roles
-    from mclcli.io.diagnosis import Diagnosis
     from mclcli.io.logs import open_log
-    from mclcli.io.recording import Recording
+    from mclcli.io.recording import roles
+    from mclcli.io.recording.diagnosis import Diagnosis
+    from mclcli.io.recording.recording import Recording
 
     stdin, diagnosis = sys.stdin.buffer if "-" in logs else None, Diagnosis()
     recording = Recording(open_log(logs, stdin=stdin), whole=True, diagnosis=diagnosis)
@@ -79,7 +79,7 @@ def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tup
 
 def _loose(recording: Recording, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:
     """Frames that do not connect, and lidars that are not on the base."""
-    from mclcli.io.diagnosis import loose_frames
+    from mclcli.io.recording.diagnosis import loose_frames
 
     unmounted = [lidar for lidar in lidars if lidar["base_from_sensor"] is None]
     return [
@@ -124,7 +124,7 @@ def _lidar(recording: Recording, parts: Roles, name: str) -> dict[str, Any]:
     """Geometry of a lidar from its first scan, and where it sits."""
     import numpy as np
 
-    from mclcli import se3
+    from mclcli.geometry import se3
 
     scan: Any = recording.found.topics[name].sample
     mount = recording.found.frames.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
@@ -146,7 +146,7 @@ def _lidar(recording: Recording, parts: Roles, name: str) -> dict[str, Any]:
 
 def _run_line(found: LogSurvey, parts: Roles, logs: tuple[str, ...]) -> str:
     """The command that runs this log, with everything said that has to be."""
-    from mclcli.io import roles
+    from mclcli.io.recording import roles
 
     words = ["mcl", "run", *logs]
     if not parts.map and parts.scan:

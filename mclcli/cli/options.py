@@ -14,12 +14,12 @@ from mclcli.quantity import parse_list
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from mclcli.parameter_files.reading import FileParameters
-    from mclcli.profiles import Settings
+    from mclcli.settings.profiles import Settings
+    from mclcli.settings.robots.reading import FileParameters
 
 Command = TypeVar("Command", bound="Callable[..., Any]")
 
-# As in mclcli.profiles, which costs too much to import for --help; a test compares them.
+# As in mclcli.settings.profiles, which costs too much to import for --help; a test compares them.
 PROFILE_NAMES = ("textbook", "nav2", "beluga")
 MODEL_NAMES = ("likelihood_field", "likelihood_field_prob", "beam")
 POSE_UNITS = ("m", "m", "rad")
@@ -44,7 +44,7 @@ def parse_poses(ctx: click.Context, param: click.Parameter, values: tuple[str, .
 
 def parse_mounts(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, Any]:
     """[FRAME=]X,Y,YAW or [FRAME=]X,Y,Z,ROLL,PITCH,YAW as transforms (4, 4) by frame; '' stands for any frame."""
-    from mclcli import se3
+    from mclcli.geometry import se3
 
     del ctx
     mounts: dict[str, Any] = {}
@@ -216,15 +216,15 @@ def choose_settings(
 
     What there is to say about the file is said.
     """
-    from mclcli import profiles
     from mclcli.cli import console
+    from mclcli.settings import profiles
 
     profile, model = arguments["profile"], arguments["model"]
     given = profiles.spelled_out(arguments["settings"]) | profiles.spelled_out(flags or {})
     if arguments["params"] is None:
         values = {**base, **given}
         return Chosen(profiles.build(values, profile=profile or "textbook", model=model or "likelihood_field"), None)
-    from mclcli.parameter_files.reading import load, settings_of
+    from mclcli.settings.robots.reading import load, settings_of
 
     file = load(arguments["params"], profile=profile, model=model)
     settings = settings_of(file, given, base=base, profile=profile, model=model)

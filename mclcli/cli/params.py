@@ -25,11 +25,11 @@ def command(**arguments: Any) -> None:
     """Effective parameters as YAML that --params reads, with units and meanings."""
     chosen = options.choose_settings(arguments, {})
     if arguments["form"] == "nav2":
-        from mclcli.parameter_files.writing import to_nav2
+        from mclcli.settings.robots.writing import to_nav2
 
         click.echo(to_nav2(chosen.settings, chosen.file), nl=False)
     else:
-        from mclcli.io.params_yaml import format_params
+        from mclcli.io.tables.params_yaml import format_params
 
         click.echo(format_params(chosen.settings.stated(), _comments()), nl=False)
         if chosen.file is not None and chosen.file.start is not None:
@@ -38,7 +38,7 @@ def command(**arguments: Any) -> None:
 
 
 def _comments() -> dict[str, str]:
-    from mclcli import profiles
+    from mclcli.settings import profiles
 
     meanings = {
         name: f"[{description.unit}] {description.meaning}" if description.unit else description.meaning

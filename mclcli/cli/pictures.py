@@ -18,10 +18,10 @@ def save(picture: Image, target: str, inputs: Sequence[Path] = ()) -> None:
     Raises
     ------
     UsageError, InputError
-        If the target cannot be written; see ``mclcli.io.output``.
+        If the target cannot be written; see ``mclcli.io.traces.output``.
 
     """
-    from mclcli.io.output import open_output
+    from mclcli.io.traces.output import open_output
 
     buffer = io.BytesIO()
     picture.save(buffer, format="PNG", optimize=False)

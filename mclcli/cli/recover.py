@@ -16,8 +16,8 @@ from mclcli.text import clean
 if TYPE_CHECKING:
     from mclcli.io.logs import Log
     from mclcli.io.logs.base import Channel, Tally
-    from mclcli.io.output import Output
-    from mclcli.io.recovered_mcap import RecoveredMcap
+    from mclcli.io.traces.output import Output
+    from mclcli.io.traces.recovered_mcap import RecoveredMcap
 
 DAMAGED = 3
 
@@ -35,7 +35,7 @@ def command(logs: tuple[str, ...], output: str, **_: Any) -> int:
     """
     from mclcli.io.logs import open_log
     from mclcli.io.logs.base import Tally
-    from mclcli.io.output import open_output
+    from mclcli.io.traces.output import open_output
 
     log = open_log(logs, stdin=sys.stdin.buffer if "-" in logs else None)
     tally = Tally()
@@ -52,7 +52,7 @@ def command(logs: tuple[str, ...], output: str, **_: Any) -> int:
 
 
 def _save(log: Log, tally: Tally, sink: Output) -> RecoveredMcap:
-    from mclcli.io.recovered_mcap import UNWRITABLE, RecoveredMcap
+    from mclcli.io.traces.recovered_mcap import UNWRITABLE, RecoveredMcap
 
     messages = log.messages(None, tally)
     first = next(messages, None)

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Literal, final
 
 import numpy as np
 
-from mclcli import se2
 from mclcli.errors import InputError
+from mclcli.geometry import se2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mclcli.trajectory import Trajectory
+    from mclcli.geometry.trajectory import Trajectory
 
     Pick = tuple[NDArray[np.intp], NDArray[np.float64]]
 

@@ -10,18 +10,10 @@ import numpy as np
 from mclcli.evaluate.association import Matching, Pairs, aligned, associate
 from mclcli.evaluate.consistency import Consistency, consistency
 from mclcli.evaluate.events import CONVERGED, LOST, Loss, Rule, convergence, losses
-from mclcli.evaluate.metrics import (
-    PoseErrors,
-    Statistics,
-    errors_of,
-    relative_errors,
-    share_within,
-    statistics,
-    way_of,
-)
+from mclcli.evaluate.metrics import PoseErrors, Statistics, errors_of, relative_errors, share_within, statistics, way_of
 
 if TYPE_CHECKING:
-    from mclcli.trajectory import Trajectory
+    from mclcli.geometry.trajectory import Trajectory
 
 WITHIN = (0.05, 0.1, 0.2, 0.5)
 _DEFAULT = Matching()

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
 from mclcli.evaluate.association import Matching, Pairs, associate
+from mclcli.geometry import se2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mclcli.trajectory import Trajectory
+    from mclcli.geometry.trajectory import Trajectory
 
 
 @final

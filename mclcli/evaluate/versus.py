@@ -7,12 +7,12 @@ from typing import final
 
 import numpy as np
 
-from mclcli import se2
 from mclcli.errors import InputError
 from mclcli.evaluate.association import Matching, associate
 from mclcli.evaluate.events import APART, Loss, Rule, stretches
 from mclcli.evaluate.metrics import PoseErrors, errors_of
-from mclcli.trajectory import Trajectory
+from mclcli.geometry import se2
+from mclcli.geometry.trajectory import Trajectory
 
 _ALWAYS_NS = 2**62
 

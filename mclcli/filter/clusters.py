@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import compiled, se2
 from mclcli.filter.kld import YAW_BINS, bins, number_compiled, pack
+from mclcli.geometry import se2
+from mclcli.geometry.trigonometry import cos_sin
+from mclcli.native import backend
 from mclcli.records import Estimate
-from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -62,16 +63,16 @@ def find(poses: NDArray[np.float64], weights: NDArray[np.float64], *, wrap_yaw: 
 
 def _all_touch(index: NDArray[np.int64]) -> bool:
     """Whether bins (N, 3) all touch each other, as those of a tracked robot do."""
-    if not compiled.in_use():
+    if not backend.in_use():
         return bool((index.max(axis=0) - index.min(axis=0) <= 1).all())
     widths = np.empty(3, np.int64)
-    compiled.load("particles").widths(index, widths)
+    backend.load("particles").widths(index, widths)
     return bool(widths.max() <= 1)
 
 
 def _components(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64]:
     """Component (N,) of each particle's bin (N, 3), numbered in the order of their first particles."""
-    if compiled.in_use():
+    if backend.in_use():
         return _components_compiled(index, wrap_yaw=wrap_yaw)
     keys, strides = pack(index)
     occupied, first, bin_of = np.unique(keys, return_index=True, return_inverse=True)
@@ -88,7 +89,7 @@ def _components_compiled(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray
     """The same: bins are numbered as they first appear, so the least number in a component is its first particle's."""
     number, first, table = number_compiled(index)
     root = np.empty(first.size, np.int64)
-    compiled.load("particles").join_neighbours(index, first, table, YAW_BINS if wrap_yaw else 0, root)
+    backend.load("particles").join_neighbours(index, first, table, YAW_BINS if wrap_yaw else 0, root)
     is_root = root == np.arange(root.size)
     return (np.cumsum(is_root) - 1)[root][number]
 
@@ -139,8 +140,8 @@ def _means(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Means (C, 3) and mean resultant lengths (C,)."""
     sums = np.zeros((int(labels.max()) + 1, 4))
-    if compiled.in_use():
-        compiled.load("particles").mean_sums_by_label(
+    if backend.in_use():
+        backend.load("particles").mean_sums_by_label(
             np.ascontiguousarray(poses), labels, share, sums, np.empty((3, 512))
         )
     else:
@@ -154,8 +155,8 @@ def _covariances(
     poses: NDArray[np.float64], means: NDArray[np.float64], labels: NDArray[np.int64], share: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     covariances = np.zeros((means.shape[0], 3, 3))
-    if compiled.in_use():
-        compiled.load("particles").covariance_sums_by_label(
+    if backend.in_use():
+        backend.load("particles").covariance_sums_by_label(
             np.ascontiguousarray(poses), labels, share, means, covariances
         )
     else:

@@ -8,10 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import compiled, se2
 from mclcli.filter import clusters
+from mclcli.geometry import se2
+from mclcli.geometry.trigonometry import cos_sin
+from mclcli.native import backend
 from mclcli.records import Estimate, Hypothesis
-from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -66,7 +67,7 @@ def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> E
 
     Source: Mardia and Jupp 2000, *Directional Statistics*, section 2.2 (mean direction).
     """
-    if compiled.in_use():
+    if backend.in_use():
         return _weighted_mean_compiled(poses, weights)
     columns = np.ascontiguousarray(poses.T)
     x, y, c, s = (weights * np.array([columns[0], columns[1], *cos_sin(columns[2])])).sum(axis=1).tolist()
@@ -80,7 +81,7 @@ def _weighted_mean_compiled(poses: NDArray[np.float64], weights: NDArray[np.floa
     """The same to the bit, without a copy of every column."""
     mean, covariance = np.empty(3), np.empty((3, 3))
     scratch = np.empty((6, 128)), np.empty((65, 6))
-    compiled.load("moments").mean_and_covariance(np.ascontiguousarray(poses), weights, mean, covariance, *scratch)
+    backend.load("moments").mean_and_covariance(np.ascontiguousarray(poses), weights, mean, covariance, *scratch)
     return Estimate(mean, covariance)
 
 
@@ -100,9 +101,9 @@ def has_converged(poses: NDArray[np.float64], estimate: Estimate) -> bool:
 
 def count_near(poses: NDArray[np.float64], x: float, y: float) -> int:
     """How many poses (N, 3) are within 0.5 m of a place [m] in x and in y."""
-    if not compiled.in_use():
+    if not backend.in_use():
         near = (np.abs(poses[:, 0] - x) <= _CONVERGED_RADIUS) & (np.abs(poses[:, 1] - y) <= _CONVERGED_RADIUS)
         return int(np.count_nonzero(near))
     count = np.zeros(1, np.int64)
-    compiled.load("moments").count_near(np.ascontiguousarray(poses), x, y, _CONVERGED_RADIUS, count)
+    backend.load("moments").count_near(np.ascontiguousarray(poses), x, y, _CONVERGED_RADIUS, count)
     return int(count[0])

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import compiled, se2
 from mclcli.errors import UsageError
+from mclcli.geometry import se2
+from mclcli.native import backend
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
@@ -112,9 +113,9 @@ def bins(poses: NDArray[np.float64], *, wrap_yaw: bool = True) -> NDArray[np.int
     nav2_amcl, so that one heading has many bins.
     """
     index = np.empty(poses.shape, dtype=np.int64)
-    if compiled.in_use():
+    if backend.in_use():
         turn = YAW_BINS if wrap_yaw else 0
-        compiled.load("particles").bins(np.ascontiguousarray(poses), BIN_XY, float(BIN_YAW), turn, index)
+        backend.load("particles").bins(np.ascontiguousarray(poses), BIN_XY, float(BIN_YAW), turn, index)
         return index
     index[:, :2] = np.floor(poses[:, :2] / BIN_XY)
     yaw = np.floor((se2.wrap(poses[:, 2]) if wrap_yaw else poses[:, 2]) / BIN_YAW).astype(np.int64)
@@ -125,7 +126,7 @@ def bins(poses: NDArray[np.float64], *, wrap_yaw: bool = True) -> NDArray[np.int
 def _first_of_its_bin(index: NDArray[np.int64]) -> NDArray[np.bool_]:
     """Whether each row (N, 3) is the first with its bin."""
     fresh = np.zeros(index.shape[0], dtype=np.bool_)
-    fresh[number_compiled(index)[1] if compiled.in_use() else np.unique(pack(index)[0], return_index=True)[1]] = True
+    fresh[number_compiled(index)[1] if backend.in_use() else np.unique(pack(index)[0], return_index=True)[1]] = True
     return fresh
 
 
@@ -135,7 +136,7 @@ def number_compiled(
     """Number (N,) of each bin (N, 3) in the order they first appear, where each of the C does, and the hash table."""
     number, first, count = np.empty(index.shape[0], np.int64), np.empty(index.shape[0], np.int64), np.zeros(1, np.int64)
     table = np.full(1 << (2 * index.shape[0]).bit_length(), -1)
-    compiled.load("particles").number_bins(index, number, first, count, table)
+    backend.load("particles").number_bins(index, number, first, count, table)
     return number, first[: count[0]], table
 
 

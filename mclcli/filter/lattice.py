@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import se2
+from mclcli.geometry import se2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

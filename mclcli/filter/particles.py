@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import se2
 from mclcli.errors import InputError
+from mclcli.geometry import se2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from mclcli import compiled
+from mclcli.native import backend
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -61,10 +61,10 @@ def _ancestors(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> N
     cumulative = np.cumsum(weights)
     cumulative /= cumulative[-1]  # the last entry is exactly 1, so that no pointer < 1 falls off the end
     pointers = np.minimum(pointers, _BELOW_ONE)
-    if not compiled.in_use():
+    if not backend.in_use():
         return np.searchsorted(cumulative, pointers, side="right")
     chosen = np.empty(pointers.size, np.int64)
-    compiled.load("particles").ancestors(cumulative, pointers, chosen)
+    backend.load("particles").ancestors(cumulative, pointers, chosen)
     return chosen
 
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Protocol, final
 
 import numpy as np
 
-from mclcli import se2
 from mclcli.filter import particles
+from mclcli.geometry import se2
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import compiled
 from mclcli.filter import fit, weights
+from mclcli.native import backend
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -69,9 +69,9 @@ def correlate(each: NDArray[np.float64], before: Correlation | None = None) -> C
 
 def _lagged_sums(centred: NDArray[np.float64]) -> NDArray[np.float64]:
     """Σ_i c_i c_{i+lag} (``_MAX_LAG`` + 1,) of values (K,), zero beyond the last. No BLAS: it sums by threads."""
-    if compiled.in_use():
+    if backend.in_use():
         sums = np.empty(_MAX_LAG + 1)
-        compiled.load("moments").lagged_sums(centred, sums, np.empty(128), np.empty((65, 1)))
+        backend.load("moments").lagged_sums(centred, sums, np.empty(128), np.empty((65, 1)))
         return sums
     shifted = np.concatenate([centred, np.zeros(_MAX_LAG)])[_LAGS + np.arange(centred.size)]  # (lags, K)
     return np.asarray((shifted * centred).sum(axis=1))

@@ -1,4 +1,4 @@
-"""Cosine and sine of many angles, in vectors: the loop of ``mclcli.trigonometry``, which see; and angles wrapped."""
+"""Cosine and sine of many angles, in vectors: the loop of ``mclcli.geometry.trigonometry``; and angles wrapped."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _TAN_PI_8 = math.sqrt(2.0) - 1.0
 
 @nb.njit(**OPTIONS)
 def _wrap(angle):  # type: ignore[no-untyped-def]
-    """As ``mclcli.se2.wrap``."""
+    """As ``mclcli.geometry.se2.wrap``."""
     if -math.pi < angle <= math.pi:
         return angle
     wrapped = -((math.pi - angle) % _TURN - math.pi)

@@ -46,6 +46,25 @@ MODELS: dict[str, Entry] = {
 }
 
 
+Word = bool | int | float | str  # a value in a file of parameters
+
+# Names of motion models in files: nav2's plugins, Beluga's own, and nav2's before it had plugins.
+MOTION_PLUGINS = {
+    "differential": "nav2_amcl::DifferentialMotionModel",
+    "omnidirectional": "nav2_amcl::OmniMotionModel",
+}
+BELUGA_MOTIONS: dict[Word, Word] = {
+    "differential_drive": "differential",
+    "omnidirectional_drive": "omnidirectional",
+    "stationary": "stationary",
+}
+MOTIONS: dict[Word, Word] = {
+    **{plugin: name for name, plugin in MOTION_PLUGINS.items()},
+    **BELUGA_MOTIONS,
+    **{name: name for name in MOTION_PLUGINS},
+}
+
+
 def _of(parameters: type[ParameterSet], name: str) -> Any:  # noqa: ANN401 - as dataclasses.field
     """The same parameter again: its default and description are stated once, beside the model."""
     stated = parameters.__dataclass_fields__[name]

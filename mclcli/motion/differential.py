@@ -12,10 +12,11 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import compiled, se2
+from mclcli.geometry import se2
+from mclcli.geometry.trigonometry import cos_sin
 from mclcli.motion import noise
+from mclcli.native import backend
 from mclcli.parameters import parameter, validate
-from mclcli.trigonometry import cos_sin
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -56,7 +57,7 @@ class DifferentialMotion:
     ) -> NDArray[np.float64]:
         """Move poses (N, 3) by the odometry's increment (3,), in the base frame, plus noise from normals (N, 3)."""
         rot1, trans, rot2 = decompose(increment)
-        if compiled.in_use():
+        if backend.in_use():
             return _sample_compiled(poses, np.array([rot1, trans, rot2]), self.noise_std(rot1, trans, rot2), normals)
         noisy = np.array([rot1, trans, rot2]) + normals * self.noise_std(rot1, trans, rot2)
         heading = poses[:, 2] + noisy[:, 0]
@@ -89,7 +90,7 @@ def _sample_compiled(
 ) -> NDArray[np.float64]:
     """The same as in ``sample``, to the bit."""
     moved, scratch = np.empty_like(poses), np.empty((3, 512))
-    compiled.load("particles").turn_move_turn(poses, normals, motion, std, moved, scratch)
+    backend.load("particles").turn_move_turn(poses, normals, motion, std, moved, scratch)
     return moved
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.motion import noise
 from mclcli.parameters import parameter, validate
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 from PIL import Image
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.render import marks, palette, scales
 
 if TYPE_CHECKING:

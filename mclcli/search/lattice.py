@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.world.pyramid import COARSE, angles_in
 
 if TYPE_CHECKING:

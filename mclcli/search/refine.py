@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli.geometry import se2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.sensors.beams import Beams
 
 if TYPE_CHECKING:

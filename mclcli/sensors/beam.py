@@ -18,72 +18,20 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import compiled
-from mclcli.errors import UsageError
-from mclcli.parameters import parameter, validate
+from mclcli.native import backend
 from mclcli.sensors import Measurement, beam_forms, endpoints, floored_log
-from mclcli.world.raycast import CAST_METHODS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from mclcli.sensors.beam_forms import Components
+    from mclcli.sensors.beam_forms import BeamParameters, Components
     from mclcli.sensors.beams import Beams
     from mclcli.world.raycast import RayCaster
 
 _IN_A_ROW = 512  # beams that the kernel goes through at a time, of one pose or of several
 _TAIL = 40.0  # standard deviations beyond which a Gaussian is 0 in double precision
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class BeamParameters:
-    """Parameters of the beam mixture."""
-
-    z_hit: float = parameter(0.75, "weight of the hit component", low=0.0, in_nav2=True)
-    z_short: float = parameter(0.10, "weight of unexpected obstacles before the expected one", low=0.0, in_nav2=True)
-    z_max: float = parameter(0.05, "weight of seeing nothing", low=0.0, in_nav2=True)
-    z_rand: float = parameter(0.10, "weight of the uniform component over [0, r_max]", low=0.0, in_nav2=True)
-    sigma_hit: float = parameter(
-        0.2, "standard deviation of the hit component", unit="m", low=1e-9, high=1e9, in_nav2=True
-    )
-    lambda_short: float = parameter(
-        0.1, "rate per metre at which unexpected obstacles occur", low=0.0, high=1e9, in_nav2=True
-    )
-    no_return: str = parameter(
-        "mixture",
-        "a reading of r_max: all components add up there, or the probability that there is nothing nearer "
-        "(beam_form=textbook)",
-        choices=("mixture", "censored"),
-    )
-    beam_form: str = parameter(
-        "textbook",
-        "components as proper densities, or as nav2_amcl or Beluga have them",
-        choices=tuple(beam_forms.FORMS),
-    )
-    combination: str = parameter(
-        "log",
-        "beams combine as Σ log p, as log(1 + Σ p³) or as log Σ p³",
-        choices=tuple(beam_forms.COMBINATIONS),
-    )
-    weights_sum_to_1: str = parameter(
-        "yes", "the four weights must sum to 1 ± 1e-6, or need not", choices=("yes", "no")
-    )
-    raycast: str = parameter(
-        "exact", "how expected ranges are found: entering a cell, or on Bresenham's line", choices=CAST_METHODS
-    )
-    ray_unknown: str = parameter("occupied", "what an unknown cell is to a ray", choices=("occupied", "free"))
-
-    def __post_init__(self) -> None:
-        validate(self)
-        total = self.z_hit + self.z_short + self.z_max + self.z_rand
-        if self.weights_sum_to_1 == "yes" and not abs(total - 1.0) <= 1e-6:
-            raise UsageError(
-                f"parameters z_hit + z_short + z_max + z_rand = {total:.9g}: must be 1; "
-                "change one of them, or give --set weights_sum_to_1=no"
-            )
 
 
 @final
@@ -144,7 +92,7 @@ class BeamModel:
         readings = np.tile(beams.ranges, max(1, _IN_A_ROW // max(1, beams.ranges.size)))
         table, rate = beam_forms.textbook_terms(p, readings, r_max)
         unseen = np.flatnonzero(readings >= r_max) if self._censored else np.empty(0, np.intp)
-        kernel = compiled.load("beam_mixture").textbook
+        kernel = backend.load("beam_mixture").textbook
 
         def likelihood(expected: NDArray[np.float64]) -> NDArray[np.float64]:
             weights, scratch = (p.z_hit, p.z_short, p.z_max), np.empty((2, readings.size))
@@ -161,7 +109,7 @@ class BeamModel:
         if self.parameters.combination != "log":
             return self._combine(likelihood)
         out = np.zeros(likelihood.shape[0])
-        compiled.load("beam_mixture").sum_log(likelihood, beam_forms.FLOOR, out)
+        backend.load("beam_mixture").sum_log(likelihood, beam_forms.FLOOR, out)
         return out
 
     def _perfect(self, beams: Beams) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""The four components of the beam mixture in its three forms, and how beams combine.
+"""The beam mixture's parameters, its four components in three forms, and how beams combine.
 
 Arguments broadcast: readings ``r`` (B,), expected ranges ``r_star`` (N, B) [m]. A form returns its components already
 weighted; their sum is p(r | r*) except where ``textbook`` says otherwise.
@@ -15,15 +15,17 @@ from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
 
+from mclcli.errors import UsageError
+from mclcli.parameters import parameter, validate
+from mclcli.world.raycast import CAST_METHODS
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from mclcli.sensors.beam import BeamParameters
-
     Array = NDArray[np.float64]
-    Form = Callable[[BeamParameters, Array, Array, float, float], "Components"]
+    Form = Callable[["BeamParameters", Array, Array, float, float], "Components"]
     Combination = Callable[[Array], Array]
 
 FLOOR: Final = 1e-12
@@ -140,3 +142,52 @@ def cubes(likelihood: Array) -> Array:
 
 FORMS: Final[dict[str, Form]] = {"textbook": textbook, "nav2": nav2, "beluga": beluga}
 COMBINATIONS: Final[dict[str, Combination]] = {"log": sum_of_logs, "one_plus_cubes": one_plus_cubes, "cubes": cubes}
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class BeamParameters:
+    """Parameters of the beam mixture."""
+
+    z_hit: float = parameter(0.75, "weight of the hit component", low=0.0, in_nav2=True)
+    z_short: float = parameter(0.10, "weight of unexpected obstacles before the expected one", low=0.0, in_nav2=True)
+    z_max: float = parameter(0.05, "weight of seeing nothing", low=0.0, in_nav2=True)
+    z_rand: float = parameter(0.10, "weight of the uniform component over [0, r_max]", low=0.0, in_nav2=True)
+    sigma_hit: float = parameter(
+        0.2, "standard deviation of the hit component", unit="m", low=1e-9, high=1e9, in_nav2=True
+    )
+    lambda_short: float = parameter(
+        0.1, "rate per metre at which unexpected obstacles occur", low=0.0, high=1e9, in_nav2=True
+    )
+    no_return: str = parameter(
+        "mixture",
+        "a reading of r_max: all components add up there, or the probability that there is nothing nearer "
+        "(beam_form=textbook)",
+        choices=("mixture", "censored"),
+    )
+    beam_form: str = parameter(
+        "textbook",
+        "components as proper densities, or as nav2_amcl or Beluga have them",
+        choices=tuple(FORMS),
+    )
+    combination: str = parameter(
+        "log",
+        "beams combine as Σ log p, as log(1 + Σ p³) or as log Σ p³",
+        choices=tuple(COMBINATIONS),
+    )
+    weights_sum_to_1: str = parameter(
+        "yes", "the four weights must sum to 1 ± 1e-6, or need not", choices=("yes", "no")
+    )
+    raycast: str = parameter(
+        "exact", "how expected ranges are found: entering a cell, or on Bresenham's line", choices=CAST_METHODS
+    )
+    ray_unknown: str = parameter("occupied", "what an unknown cell is to a ray", choices=("occupied", "free"))
+
+    def __post_init__(self) -> None:
+        validate(self)
+        total = self.z_hit + self.z_short + self.z_max + self.z_rand
+        if self.weights_sum_to_1 == "yes" and not abs(total - 1.0) <= 1e-6:
+            raise UsageError(
+                f"parameters z_hit + z_short + z_max + z_rand = {total:.9g}: must be 1; "
+                "change one of them, or give --set weights_sum_to_1=no"
+            )

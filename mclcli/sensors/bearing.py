@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import compiled, se2
+from mclcli.geometry import se2
+from mclcli.native import backend
 from mclcli.parameters import parameter, validate
 from mclcli.sensors import Measurement, floored_log
 
@@ -109,7 +110,7 @@ class BearingModel:
         """Log-likelihood (N,) of poses (N, 3) of the base in map."""
         total = np.full(poses.shape[0], -math.log(se2.TAU) * bearings.unknown)
         pairs = poses.shape[0] * bearings.angles.size
-        is_compiled = compiled.worth_compiling(max(self.job_size, pairs))
+        is_compiled = backend.worth_compiling(max(self.job_size, pairs))
         (self._add_compiled if is_compiled else self._add)(bearings, poses, total)
         return total
 
@@ -127,5 +128,5 @@ class BearingModel:
         sigma, eps = self.parameters.sigma_bearing, self.parameters.eps_outlier
         sightings = np.stack([*bearings.landmarks.T, np.cos(bearings.angles), np.sin(bearings.angles)])
         poses, scratch = np.ascontiguousarray(poses), np.empty((5, 256))
-        kernel = compiled.load("bearing").sum_log_p
+        kernel = backend.load("bearing").sum_log_p
         kernel(poses, sightings, *map(float, bearings.origin), sigma, eps, FLOOR, total, scratch)

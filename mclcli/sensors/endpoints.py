@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import compiled
-from mclcli.trigonometry import cos_sin
+from mclcli.geometry.trigonometry import cos_sin
+from mclcli.native import backend
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -86,7 +86,7 @@ def _in_cells(field: DistanceField, endpoints: NDArray[np.float64]) -> NDArray[n
 
 def is_compiled(field: DistanceField, steps: float) -> bool:
     """Whether a job of so many pose·beam pairs over this field takes the compiled path."""
-    return compiled.worth_compiling(steps) and field.codes.size < _CELLS_OF_A_KERNEL
+    return backend.worth_compiling(steps) and field.codes.size < _CELLS_OF_A_KERNEL
 
 
 def add_table(
@@ -126,7 +126,7 @@ def _add_compiled(
 ) -> None:
     """``add_table``, equal to the bit, by the kernel ``likelihood_field.sum_log_p``."""
     scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
-    kernel, poses = compiled.load("likelihood_field").sum_log_p, np.ascontiguousarray(poses)
+    kernel, poses = backend.load("likelihood_field").sum_log_p, np.ascontiguousarray(poses)
     kernel(field.codes.ravel(), *field.codes.shape, table, *anchoring.frame(field), poses, ends.ravel(), out, *scratch)
 
 
@@ -143,7 +143,7 @@ def sum_interpolated(
     """Σ_b log p (N,), or Σ_b p³, of distances interpolated between cells, by the kernel of that name, which see."""
     ends, frame = _in_cells(field, endpoints).ravel(), anchoring.frame(field)
     out, poses = np.zeros(poses.shape[0]), np.ascontiguousarray(poses)
-    kernel = compiled.load("interpolated_field").sum_interpolated
+    kernel = backend.load("interpolated_field").sum_interpolated
 
     def sum_block(start: int) -> None:
         block, scratch = slice(start, start + COMPILED_BLOCK), (np.empty((12, 256)), np.empty((4, 256), np.int32))
@@ -167,7 +167,7 @@ def look_up(
     found = np.empty((ends.shape[1], poses.shape[0]), field.codes.dtype)
     if is_compiled(field, max(job_size, found.size)):
         scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
-        kernel, poses = compiled.load("likelihood_field").look_up, np.ascontiguousarray(poses)
+        kernel, poses = backend.load("likelihood_field").look_up, np.ascontiguousarray(poses)
         frame = anchoring.frame(field)
         kernel(field.codes.ravel(), *field.codes.shape, off_map, *frame, poses, ends.ravel(), found, *scratch)
         return found
@@ -181,8 +181,8 @@ def look_up(
 def count_below(found: Codes, limit: int) -> NDArray[np.int64]:
     """How many codes of each row (B,) of ``found`` (B, N) are below a limit."""
     counts = np.zeros(found.shape[0], np.int64)
-    if compiled.in_use():
-        compiled.load("likelihood_field").count_below(found, limit, counts)
+    if backend.in_use():
+        backend.load("likelihood_field").count_below(found, limit, counts)
         return counts
     return np.asarray(np.count_nonzero(found < limit, axis=1), np.int64)
 
@@ -190,8 +190,8 @@ def count_below(found: Codes, limit: int) -> NDArray[np.int64]:
 def sum_looked_up(found: Codes, table: NDArray[np.float64], job_size: float = 0.0) -> NDArray[np.float64]:
     """Σ_b table[found[b]] (N,): with ``look_up``, the same as ``sum_table``, to the bit."""
     out = np.zeros(found.shape[1])
-    if compiled.worth_compiling(max(job_size, found.size)):
-        compiled.load("likelihood_field").sum_looked_up(found, table, out)
+    if backend.worth_compiling(max(job_size, found.size)):
+        backend.load("likelihood_field").sum_looked_up(found, table, out)
         return out
     for row in found:
         out += table[row]

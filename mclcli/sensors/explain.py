@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.sensors import bearing, likelihood_field
 
 if TYPE_CHECKING:

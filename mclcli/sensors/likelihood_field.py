@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import compiled
+from mclcli.native import backend
 from mclcli.parameters import parameter, validate
 from mclcli.sensors import Measurement, endpoints, floored_log
 from mclcli.sensors.beam_skipping import BeamSkipping, kept_beams
@@ -181,7 +181,7 @@ class LikelihoodField:
         A large job looks it up as it does its sums, to the same bits; a small one does so for all beams at once.
         """
         nearest = self.parameters.field_lookup == "nearest"
-        if nearest and not self._cubes and compiled.worth_compiling(self.job_size):
+        if nearest and not self._cubes and backend.worth_compiling(self.job_size):
             return self.table(beams.r_max)[self._look_up(beams, pose[np.newaxis])[:, 0]]
         likelihood = self.likelihood(self.distances(beams, pose[np.newaxis]), beams.r_max)
         return floored_log(likelihood[0], FLOOR)

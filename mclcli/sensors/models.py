@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final, final
 
-from mclcli.sensors.beam import BeamModel, BeamParameters
+from mclcli.sensors.beam import BeamModel
+from mclcli.sensors.beam_forms import BeamParameters
 from mclcli.sensors.explain import explain_beams, explain_field
 from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
 from mclcli.world.raycast import make_caster
@@ -32,9 +33,9 @@ if TYPE_CHECKING:
 class Entry:
     """A lidar model in the registry.
 
-    ``group`` names its ``parameters`` among those of ``mclcli.profiles``. ``make`` builds it over a map, with a maker
-    of distance fields, the number of pose·beam pairs to come and the threads to share them; ``explain`` gives a row per
-    beam at one pose (3,).
+    ``group`` names its ``parameters`` among those of ``settings.profiles``. ``make`` builds it over a map, with a
+    maker of distance fields, the number of pose·beam pairs to come and the threads to share them; ``explain`` gives a
+    row per beam at one pose (3,).
     """
 
     group: str

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Literal, final
 
 import numpy as np
 
-from mclcli import compiled
 from mclcli.errors import UsageError
+from mclcli.native import backend
 from mclcli.world.squared_distance import squared_distances
 
 if TYPE_CHECKING:
@@ -144,8 +144,8 @@ def _brushfire(occupied: NDArray[np.bool_], reach: float) -> NDArray[np.float64]
     """Shortest 8-neighbour path lengths [cells], steps 1 and √2; right at least up to ``reach``."""
     distance = np.where(occupied, 0.0, np.inf)
     rounds = min(math.ceil(reach), sum(occupied.shape))
-    if compiled.worth_compiling(8.0 * rounds * distance.size):
-        compiled.load("brushfire").two_pass_chamfer(distance)
+    if backend.worth_compiling(8.0 * rounds * distance.size):
+        backend.load("brushfire").two_pass_chamfer(distance)
         return distance
     for _ in range(rounds):
         relaxed = _relax(distance)

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
 
-from mclcli import compiled
+from mclcli.native import backend
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -81,22 +81,22 @@ class RayCaster:
         limit = max_range / self.resolution
         self._cast(self._to_cells(poses), rays, limit, out)
         most = np.inf if self.method == "bresenham_nav2" else max_range
-        compiled.load("raycast").in_metres(out.reshape(-1), limit, self.resolution, max_range, most)
+        backend.load("raycast").in_metres(out.reshape(-1), limit, self.resolution, max_range, most)
         return out
 
     def _cast(
         self, poses: NDArray[np.float64], rays: NDArray[np.float64], limit: float, out: NDArray[np.float64]
     ) -> None:
         if self.method == "exact":
-            compiled.load("raycast").exact(self.table, poses, rays, limit, out)
+            backend.load("raycast").exact(self.table, poses, rays, limit, out)
         elif self.method == "approximate":
             height, width = (side - 2 for side in self.table.shape[1:])
             scratch = np.empty(15 * _LANES), np.empty(_LANES + 1)
             columns = np.ascontiguousarray(rays.T)
-            approximate = compiled.load("raycast_in_step").approximate
+            approximate = backend.load("raycast_in_step").approximate
             approximate(self.table.ravel(), height, width, poses, columns, limit, out.reshape(-1), *scratch)
         else:
-            bresenham = compiled.load("raycast").bresenham
+            bresenham = backend.load("raycast").bresenham
             bresenham(self.table, poses, rays, limit, self.method == "bresenham_nav2", out)
 
     def _to_cells(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -130,5 +130,5 @@ def make_caster(grid: OccupancyGrid, *, method: str = "exact", ray_unknown: str 
 
 def _open_squares(blocked: NDArray[np.bool_]) -> NDArray[np.uint8]:
     squares = np.empty((4, blocked.shape[0] + 2, blocked.shape[1] + 2), np.uint8)
-    compiled.load("raycast").fill_squares(blocked, squares)
+    backend.load("raycast").fill_squares(blocked, squares)
     return squares

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import compiled
+from mclcli.native import backend
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,13 +33,13 @@ def squared_distances(occupied: NDArray[np.bool_], limit: int) -> NDArray[np.uin
     along_columns = _along_columns(occupied, reach)
     out = np.empty(occupied.shape, np.uint16 if limit < 2**16 else np.uint32)
     passes = min(reach, occupied.shape[1])
-    if passes > _PASSES_IN_NUMPY and compiled.worth_compiling(0.25 * passes * occupied.size):
+    if passes > _PASSES_IN_NUMPY and backend.worth_compiling(0.25 * passes * occupied.size):
         scratch = np.empty((2, occupied.shape[1]), np.int64)
         columns = along_columns.astype(np.uint16 if reach < 2**16 else np.uint32)
-        compiled.load("squared_distance").lower_envelopes(columns, limit, out, scratch)
-    elif limit < 2**15 and (compiled.in_use() or compiled.worth_compiling(1.25 * occupied.size)):
+        backend.load("squared_distance").lower_envelopes(columns, limit, out, scratch)
+    elif limit < 2**15 and (backend.in_use() or backend.worth_compiling(1.25 * occupied.size)):
         line = np.empty(occupied.shape[1] + 2 * reach + 6, np.uint16)
-        compiled.load("squared_distance").near(along_columns, limit, out, line)
+        backend.load("squared_distance").near(along_columns, limit, out, line)
     else:
         for start in range(0, occupied.shape[0], _ROWS):
             _along_rows(along_columns[start : start + _ROWS], limit, out[start : start + _ROWS])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli.geometry import se2
 from samples.sim.streams import Purpose, stream
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image
 
-from mclcli import se2
+from mclcli.geometry import se2
 from samples.sim.building import FREE, OCCUPIED, UNKNOWN, near
 from samples.sim.recording import START_NS
 from samples.sim.streams import Purpose, stream

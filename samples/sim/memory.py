@@ -6,24 +6,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mclcli import se3
 from mclcli.filter.localizer import Localizer
 from mclcli.filter.recovery import FromAnywhere
 from mclcli.filter.start import AroundPose
-from mclcli.intake import Setup
-from mclcli.io.frames import TransformTree
+from mclcli.geometry import se3
+from mclcli.geometry.frames import TransformTree
 from mclcli.motion import build as build_motion
-from mclcli.profiles import build as build_settings
 from mclcli.records import LaserScan, Odometry, Transform
+from mclcli.replay.intake import Setup
 from mclcli.sensors.instruments import Lidar
 from mclcli.sensors.likelihood_field import LikelihoodField
+from mclcli.settings.profiles import build as build_settings
 from mclcli.world import distance_field
 from mclcli.world.occupancy import OccupancyGrid
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from mclcli.profiles import Settings
+    from mclcli.settings.profiles import Settings
     from samples.sim.building import Building
     from samples.sim.recording import Recording
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se2
+from mclcli.geometry import se2
 from samples.sim.planning import plan, terrain
 from samples.sim.robot import Drive, OdometryNoise, Trajectory, odometry, travel
 from samples.sim.sensors import Camera, Lidar, People, Sighting, scans, sightings

@@ -15,9 +15,11 @@ from rosbags.rosbag1 import Reader, Writer
 from scipy.ndimage import distance_transform_edt
 
 from benchmarks.accuracy import CASES, Loaded, rmse
-from mclcli import open_recording, profiles, se3
-from mclcli.io.map_yaml import load_map
+from mclcli import open_recording
+from mclcli.geometry import se3
+from mclcli.io.maps.map_yaml import load_map
 from mclcli.records import LaserScan
+from mclcli.settings import profiles
 from tests.cli.support import Table, error_against, mcl
 from tests.data import shared
 from tests.io.ros_messages import STORES

@@ -10,7 +10,7 @@ from unittest import mock
 
 import numpy as np
 
-from mclcli.io.field_cache import cached_field, field_path
+from mclcli.io.maps.field_cache import cached_field, field_path
 from mclcli.world import distance_field
 from mclcli.world.occupancy import OccupancyGrid
 from tests.battery.harness import WRONG, Case, Verdict

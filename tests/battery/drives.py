@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from mclcli.io.tum import read_tum
+from mclcli.io.tables.tum import read_tum
 from tests.battery import content
 from tests.battery.bases import mcap_log
 from tests.battery.harness import CRASH, LOSS, WRONG, Case, Verdict

@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from mclcli.errors import MclError
-from mclcli.io.map_yaml import load_map
+from mclcli.io.maps.map_yaml import load_map
 from tests.battery.harness import WRONG, Case, Verdict
 from tests.battery.outcome import said, unclean
 from tests.cli.support import mcl

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest import mock
 
-from mclcli.io import output
+from mclcli.io.traces import output
 from tests.battery import content
 from tests.battery.bases import base_logs
 from tests.battery.harness import WRONG, Case, Verdict

@@ -22,7 +22,7 @@ from mcap.writer import Writer
 from mclcli.cli import group
 from mclcli.cli.process import run
 from mclcli.evaluate.metrics import absolute_pose_errors
-from mclcli.trajectory import Trajectory
+from mclcli.geometry.trajectory import Trajectory
 from tests.io.ros_messages import STORES, build
 
 if TYPE_CHECKING:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mclcli.io.map_yaml import load_map
+from mclcli.io.maps.map_yaml import load_map
 from mclcli.world import distance_field
 from tests.cli.support import MAPS, REFERENCE_MAP, mcl, single_error
 

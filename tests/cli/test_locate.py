@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mclcli import se2
-from mclcli.io.tum import read_tum
+from mclcli.geometry import se2
+from mclcli.io.tables.tum import read_tum
 from tests.cli.support import OFFICE, OFFICE_MAP, SAMPLES, START_NS, mcl, single_error
 from tests.data import shared
 

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from ruamel.yaml import YAML
 
-from mclcli import profiles
+from mclcli.settings import profiles
 from tests.cli.support import OFFICE_MAP, Message, Result, decoded, made, mcl, single_error, write_mcap
-from tests.parameter_files.robots import BELUGA, NAV2, amcl
+from tests.settings.robots.robots import BELUGA, NAV2, amcl
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -18,7 +18,7 @@ from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from mclcli.io.chunked_mcap import NUMBERED_QOS
+from mclcli.io.traces.chunked_mcap import NUMBERED_QOS
 from tests.battery import content
 from tests.battery.bases import base_logs, mcap_log
 from tests.cli.support import OFFICE, mcl, process, single_error

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from mclcli.io.map_yaml import load_map
+from mclcli.io.maps.map_yaml import load_map
 from tests.cli.support import (
     OFFICE_MAP,
     SAMPLES,

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mclcli.io.stated import read_trajectory
+from mclcli.io.recording.recorded_poses import read_trajectory
 from tests.cli.support import OFFICE, SAMPLES, START_NS, mcl, single_error, write_mcap
 from tests.io.test_stated import pose_message, tf_message
 

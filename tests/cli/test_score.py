@@ -16,14 +16,7 @@ from rosbags.rosbag1 import Writer as BagWriter
 from ruamel.yaml import YAML
 
 from tests.cli.example import LANDMARKS, METHODS, MODEL, NEAR, POSES, SCAN, reference
-from tests.cli.support import (
-    MAPS,
-    REFERENCE_MAP,
-    SAMPLES,
-    Message,
-    mcl,
-    single_error,
-)
+from tests.cli.support import MAPS, REFERENCE_MAP, SAMPLES, Message, mcl, single_error
 from tests.data import shared
 from tests.io.ros_messages import STORES
 from tests.sensors.example import SET1, SET1_TOTAL, SET1_WEIGHTS, SET2, SET2_WEIGHTS, SET3, Example

@@ -12,15 +12,7 @@ import pytest
 from PIL import Image
 
 from tests.cli.example import LANDMARKS, MODEL, NEAR, POSES, SCAN, reference
-from tests.cli.support import (
-    OFFICE,
-    OFFICE_MAP,
-    REFERENCE_MAP,
-    decoded,
-    mcl,
-    messages,
-    single_error,
-)
+from tests.cli.support import OFFICE, OFFICE_MAP, REFERENCE_MAP, decoded, mcl, messages, single_error
 from tests.sensors.example import SET3
 
 # Naming the poses

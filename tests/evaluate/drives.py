@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import se2
-from mclcli.trajectory import Trajectory
+from mclcli.geometry import se2
+from mclcli.geometry.trajectory import Trajectory
 from tests.support import SECOND
 
 if TYPE_CHECKING:

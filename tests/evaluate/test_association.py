@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import se2
 from mclcli.errors import InputError
 from mclcli.evaluate.association import Matching, aligned, associate
 from mclcli.evaluate.metrics import errors_of
-from mclcli.trajectory import Trajectory
+from mclcli.geometry import se2
+from mclcli.geometry.trajectory import Trajectory
 from tests.evaluate.drives import drive, noisy
 from tests.reference import evaluation as naive
 from tests.support import SECOND

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mclcli.evaluate.association import associate
 from mclcli.evaluate.consistency import anees_band, anees_over_runs, chi2_band, consistency, consistency_over_runs, nees
-from mclcli.trajectory import Trajectory
+from mclcli.geometry.trajectory import Trajectory
 from tests.evaluate.drives import drive
 from tests.reference import evaluation as naive
 

@@ -12,7 +12,7 @@ import mclcli
 from mclcli.evaluate.evaluation import Evaluation, Protocol, as_plain, evaluate
 from mclcli.evaluate.limits import Limits, missed
 from mclcli.evaluate.spread import FIGURES, spread, spreads
-from mclcli.trajectory import Trajectory
+from mclcli.geometry.trajectory import Trajectory
 from tests.evaluate.drives import drive, noisy, shifted
 
 REFERENCE = drive(np.arange(0.0, 60.0, 0.5))

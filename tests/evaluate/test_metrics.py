@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import se2
 from mclcli.evaluate.association import associate
 from mclcli.evaluate.metrics import errors_of, relative_errors, share_within, statistics, way_of
-from mclcli.trajectory import Trajectory
+from mclcli.geometry import se2
+from mclcli.geometry.trajectory import Trajectory
 from tests.evaluate.drives import drive, noisy, shifted
 from tests.reference import evaluation as naive
 

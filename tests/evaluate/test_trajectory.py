@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import se2
 from mclcli.errors import InputError
 from mclcli.evaluate.metrics import absolute_pose_errors
-from mclcli.trajectory import Track, Trajectory, in_order
+from mclcli.geometry import se2
+from mclcli.geometry.trajectory import Track, Trajectory, in_order
 from tests.io.traces import point
 from tests.support import SECOND
 

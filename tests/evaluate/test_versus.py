@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mclcli import se2
 from mclcli.errors import InputError
 from mclcli.evaluate.versus import carried, compare, composed
-from mclcli.trajectory import Trajectory
+from mclcli.geometry import se2
+from mclcli.geometry.trajectory import Trajectory
 from tests.evaluate.drives import EPOCH, drive, shifted
 from tests.support import SECOND
 

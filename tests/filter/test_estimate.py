@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import se2
 from mclcli.filter import clusters, estimate, policies
+from mclcli.geometry import se2
 from tests.reference import filter as naive
 
 if TYPE_CHECKING:

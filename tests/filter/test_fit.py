@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import profiles
-from mclcli.assemble import lidar_model
 from mclcli.filter import fit, scoring, temperature
+from mclcli.replay.setup import lidar_model
 from mclcli.sensors import Measurement
 from mclcli.sensors.beams import Beams
+from mclcli.settings import profiles
 from mclcli.world import distance_field
-from tests.replays import MODEL
+from tests.replay.replays import MODEL
 from tests.support import level, sightings
 from tests.worlds import drawn
 

@@ -7,10 +7,10 @@ import math
 import numpy as np
 import pytest
 
-from mclcli import compiled
 from mclcli.filter import clusters, estimate, kld, resampling
 from mclcli.filter.temperature import Correlation, correlate
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
+from mclcli.native import backend
 from mclcli.records import Estimate
 from tests.reference.filter import mean_and_covariance
 
@@ -28,7 +28,7 @@ def by_both(monkeypatch: pytest.MonkeyPatch, task: object) -> list[object]:
     assert callable(task)
     results = []
     for used in (False, True):
-        monkeypatch.setattr(compiled, "in_use", lambda used=used: used)
+        monkeypatch.setattr(backend, "in_use", lambda used=used: used)
         results.append(task())
     return results
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from mclcli import se2
 from mclcli.errors import InputError
 from mclcli.filter import lattice, particles
 from mclcli.filter.start import (
@@ -21,6 +20,7 @@ from mclcli.filter.start import (
     Patience,
     WhenTold,
 )
+from mclcli.geometry import se2
 from mclcli.motion.odometry import OdometryPath
 from mclcli.records import StampedPose
 from tests.support import SECOND

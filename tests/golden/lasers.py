@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from mclcli import profiles, se3
-from mclcli.io.map_yaml import load_map
+from mclcli.geometry import se3
+from mclcli.io.maps.map_yaml import load_map
 from mclcli.records import LaserScan
+from mclcli.settings import profiles
 from mclcli.world import distance_field
 from mclcli.world.occupancy import OccupancyGrid
 from tests.data import golden

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from mclcli import se2
 from mclcli.filter import clusters, estimate, kld
+from mclcli.geometry import se2
 from tests.data import golden
 
 if TYPE_CHECKING:

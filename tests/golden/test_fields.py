@@ -20,8 +20,8 @@ from tests.golden.lasers import CASES, SETS, LaserCase, laser_case, nav2_field, 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mclcli.profiles import Settings
     from mclcli.sensors.beams import Beams
+    from mclcli.settings.profiles import Settings
     from mclcli.world.distance_field import DistanceField
     from tests.golden.conftest import Note
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mclcli.io.map_description import MapDescription
-from mclcli.io.map_yaml import rule
+from mclcli.io.maps.map_description import MapDescription
+from mclcli.io.maps.map_yaml import rule
 from tests.golden.lasers import read
 
 if TYPE_CHECKING:

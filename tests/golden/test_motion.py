@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters, decompose
 from mclcli.motion.omnidirectional import OmnidirectionalMotion, OmnidirectionalParameters
 from tests.data import golden

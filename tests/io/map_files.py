@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mclcli.io.map_yaml import load_map
+from mclcli.io.maps.map_yaml import load_map
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from mclcli.io.logs.base import Channel
-from mclcli.io.survey import LogSurvey, TopicSurvey
+from mclcli.io.recording.survey import LogSurvey, TopicSurvey
 from mclcli.records import Odometry, StampedPose
 from tests.support import level, scan_of, sightings, transform
 

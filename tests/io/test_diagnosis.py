@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from mclcli.io.diagnosis import Diagnosis
 from mclcli.io.logs.base import Channel, RawMessage
+from mclcli.io.recording.diagnosis import Diagnosis
 from tests.battery import content, drives, records
 from tests.battery.bases import base_logs, mcap_log
 from tests.battery.drives import Drive

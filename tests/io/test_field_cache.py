@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from mclcli import cache
-from mclcli.io.field_cache import cached_field, field_path
+from mclcli.io.maps.field_cache import cached_field, field_path
 from mclcli.world import distance_field
 from mclcli.world.distance_field import METHODS, DistanceField, Method
 from tests.worlds import drawn
@@ -221,7 +221,7 @@ def test_what_belongs_to_another_user_is_not_used(
 
 _WORKER = """
 import sys
-from mclcli.io import field_cache
+from mclcli.io.maps import field_cache
 from tests.io.test_field_cache import GRID, REACH, right
 for _ in range(40):
     field, hit = field_cache.cached_field(GRID, "exact", REACH)

@@ -12,8 +12,8 @@ import pytest
 from PIL import Image
 
 from mclcli.errors import InputError, MclError
-from mclcli.io import netpbm
-from mclcli.io.map_yaml import load_map
+from mclcli.io.maps import netpbm
+from mclcli.io.maps.map_yaml import load_map
 from tests.data import shared
 from tests.io.map_files import CELLS, PGM, PIXELS, load, write_map
 

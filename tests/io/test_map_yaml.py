@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.image import Raster
-from mclcli.io.map_description import MapDescription
-from mclcli.io.map_yaml import load_map, rule, to_cells
+from mclcli.io.maps.image import Raster
+from mclcli.io.maps.map_description import MapDescription
+from mclcli.io.maps.map_yaml import load_map, rule, to_cells
 from tests.data import shared
 from tests.io.map_files import CELLS, PGM, load, write_map
 

@@ -9,7 +9,7 @@ import pytest
 import zstandard
 from mcap.writer import CompressionType, Writer
 
-from mclcli.io.mcap_writer import McapWriter, for_clouds, standard
+from mclcli.io.traces.mcap_writer import McapWriter, for_clouds, standard
 
 METADATA = {"a": "b", "name": "ü"}
 

@@ -9,23 +9,11 @@ import pytest
 from mclcli.errors import InputError
 from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Channel, RawMessage, Tally
-from mclcli.io.messages import DECODABLE, Undecodable, decode, planar_covariance, to_plain
+from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode, planar_covariance, to_plain
 from mclcli.records import LandmarkSightings, LaserScan, Odometry, StampedPose, Transform
 from mclcli.world.occupancy import OccupancyGrid
 from tests.data import shared
-from tests.io.ros_messages import (
-    BEARINGS,
-    GRID,
-    LOG_TIME,
-    MARKERS,
-    ODOMETRY,
-    SAMPLES,
-    SCAN,
-    edge,
-    header,
-    pose,
-    raw,
-)
+from tests.io.ros_messages import BEARINGS, GRID, LOG_TIME, MARKERS, ODOMETRY, SAMPLES, SCAN, edge, header, pose, raw
 
 BOTH = pytest.mark.parametrize("encoding", ["cdr", "ros1"])
 

@@ -5,19 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from mclcli.io.definitions import parse_definition
 from mclcli.io.logs.base import Channel, RawMessage, Tally
-from mclcli.io.messages import Undecodable, decode
+from mclcli.io.messages.decoding import Undecodable, decode
+from mclcli.io.messages.definitions import parse_definition
 from mclcli.records import LandmarkSightings, LaserScan
 from tests.io.logs import seeded
-from tests.io.ros_messages import (
-    BEARINGS,
-    SAMPLES,
-    SCAN,
-    STORES,
-    build,
-    raw,
-)
+from tests.io.ros_messages import BEARINGS, SAMPLES, SCAN, STORES, build, raw
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from mclcli.io.logs.base import RawMessage, Tally
-from mclcli.io.messages import DECODABLE, Undecodable, decode
-from mclcli.io.roles import SIGHTINGS
+from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
+from mclcli.io.recording.roles import SIGHTINGS
 from mclcli.records import CameraModel, LandmarkSightings, PixelSightings
 from tests.io.logs import seeded
 from tests.io.vision_samples import (

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import compiled
-from mclcli.io import trace_csv
+from mclcli.io.traces import trace_csv
+from mclcli.native import backend
 
 GENERATOR = np.random.default_rng(5)
 fixed = st.one_of(st.floats(-1e7, 1e7), st.floats(-1e-8, 1e-8), st.integers(-(10**12), 10**12).map(lambda n: n / 2e9))
@@ -20,7 +20,7 @@ weights = st.one_of(st.floats(0.0, 1.0), st.integers(-300, 0).map(lambda e: 10.0
 def by_both(block: np.ndarray, monkeypatch: pytest.MonkeyPatch) -> tuple[str, str]:
     texts = []
     for used in (True, False):
-        monkeypatch.setattr(compiled, "in_use", lambda used=used: used)
+        monkeypatch.setattr(backend, "in_use", lambda used=used: used)
         texts.append(trace_csv.rows_text("12,1700000000.000000001,", 995, block))
     return texts[0], texts[1]
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.output import Output, open_output
-from mclcli.io.writers import stamp_text
+from mclcli.io.traces.output import Output, open_output
+from mclcli.io.traces.sinks import stamp_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable

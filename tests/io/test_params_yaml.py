@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import profiles
 from mclcli.errors import InputError, UsageError
-from mclcli.io.params_yaml import format_params, read_params
+from mclcli.io.tables.params_yaml import format_params, read_params
+from mclcli.settings import profiles
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from mclcli import cache
-from mclcli.io.pyramid_cache import cached_pyramid, pyramid_path
+from mclcli.io.maps.pyramid_cache import cached_pyramid, pyramid_path
 from mclcli.world import distance_field, pyramid
 from tests.worlds import room
 

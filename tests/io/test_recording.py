@@ -10,7 +10,7 @@ import pytest
 from mclcli import open_recording
 from mclcli.errors import InputError, UsageError
 from mclcli.io.logs import open_log
-from mclcli.io.recording import Recording
+from mclcli.io.recording.recording import Recording
 from mclcli.records import LaserScan, Odometry, StampedPose
 from tests.cli.support import OFFICE, START_NS, messages, write_mcap
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.roles import Roles, Wishes, assign
-from mclcli.io.survey import LogSurvey
+from mclcli.io.recording.roles import Roles, Wishes, assign
+from mclcli.io.recording.survey import LogSurvey
 from tests.io.surveys import LASER, MARKERS, ODOM, log_of
 
 

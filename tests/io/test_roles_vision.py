@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from mclcli.io.cameras import Cameras, pair
 from mclcli.io.logs.base import Tally
-from mclcli.io.messages import decode
-from mclcli.io.roles import Wishes, assign
-from mclcli.io.survey import LogSurvey, survey
+from mclcli.io.messages.decoding import decode
+from mclcli.io.recording.cameras import Cameras, pair
+from mclcli.io.recording.roles import Wishes, assign
+from mclcli.io.recording.survey import LogSurvey, survey
 from mclcli.records import LandmarkSightings, PixelSightings
 from tests.io.vision_samples import BOXES, INFO, TAGS, header, hypothesis, info, raw, tags
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from mclcli.io.ros_names import find
+from mclcli.io.recording.topic_names import find
 from tests.io.surveys import LASER, MARKERS, ODOM, log_of
 
 MAP = "nav_msgs/msg/OccupancyGrid"

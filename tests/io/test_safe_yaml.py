@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli.errors import InputError, MclError, UsageError
-from mclcli.io import safe_yaml
-from mclcli.io.yaml_text import to_yaml
+from mclcli.io.tables import safe_yaml
+from mclcli.io.tables.yaml_text import to_yaml
 
 if TYPE_CHECKING:
     from pathlib import Path

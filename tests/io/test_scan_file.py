@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import se3
 from mclcli.errors import InputError, UsageError
-from mclcli.io.scan_file import format_scan, parse_scan, read_scan
+from mclcli.geometry import se3
+from mclcli.io.tables.scan_file import format_scan, parse_scan, read_scan
 from mclcli.records import LaserScan
 
 if TYPE_CHECKING:

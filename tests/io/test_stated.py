@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.recording import open_recording
-from mclcli.io.stated import Stated, read_trajectory, split_source
+from mclcli.io.recording.recorded_poses import Stated, read_trajectory, split_source
+from mclcli.io.recording.recording import open_recording
 from tests.cli.support import OFFICE, SAMPLES, START_NS, made, write_mcap
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mclcli.io.logs.base import Channel, RawMessage
-from mclcli.io.survey import LogSurvey, TopicSurvey, survey
+from mclcli.io.recording.survey import LogSurvey, TopicSurvey, survey
 from tests.support import SECOND
 
 IMAGE = Channel("/image", "sensor_msgs/msg/Image", "cdr")

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.landmarks_file import read_bearings, read_landmarks
-from mclcli.io.tables import parse_table, read_poses
+from mclcli.io.tables.csv_table import parse_table, read_poses
+from mclcli.io.tables.landmarks_file import read_bearings, read_landmarks
 from tests.data import shared
 
 if TYPE_CHECKING:

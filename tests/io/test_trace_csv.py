@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from mclcli.io.trace_csv import StepsCsv, TraceCsv
-from mclcli.io.track_file import TrackCsv
+from mclcli.io.traces.trace_csv import StepsCsv, TraceCsv
+from mclcli.io.traces.track_csv import TrackCsv
 from mclcli.records import Estimate, Hypothesis
 from tests.io.traces import point, record
 

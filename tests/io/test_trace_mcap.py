@@ -22,13 +22,13 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from mclcli import se2, se3
 from mclcli.errors import InputError
-from mclcli.io import trace_messages as messages
-from mclcli.io.cdr import CdrWriter
-from mclcli.io.chunked_mcap import CHUNK_BYTES
-from mclcli.io.output import open_output
-from mclcli.io.trace_mcap import TraceMcap
+from mclcli.geometry import se2, se3
+from mclcli.io.traces import trace_messages as messages
+from mclcli.io.traces.cdr import CdrWriter
+from mclcli.io.traces.chunked_mcap import CHUNK_BYTES
+from mclcli.io.traces.output import open_output
+from mclcli.io.traces.trace_mcap import TraceMcap
 from mclcli.records import LaserScan, Transform
 from tests.data import shared
 from tests.io.traces import START_NS, grid, point, record
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from mclcli.io.writers import BinarySink
+    from mclcli.io.traces.sinks import BinarySink
 
 _STATIC = Transform(START_NS, "base_link", "laser", se3.from_rpy([0.1, 0.0, 0.2], np.pi, 0.0, 0.3), static=True)
 _SEPARATOR = "\n" + "=" * 80 + "\n"

@@ -7,13 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from mclcli import compiled
-from mclcli.io import trace_messages
+from mclcli.io.traces import trace_messages
+from mclcli.native import backend
 
 
 @pytest.mark.parametrize("used", [False, True])
 def test_clouds_are_rounded_as_stated(monkeypatch: pytest.MonkeyPatch, *, used: bool) -> None:
-    monkeypatch.setattr(compiled, "in_use", lambda: used)
+    monkeypatch.setattr(backend, "in_use", lambda: used)
     generator = np.random.default_rng(4)
     poses, weights = generator.normal([1.0, -2.0, 0.0], [100.0, 5.0, 2.0], (1300, 3)), generator.random(1300)
     rows, particles = trace_messages.rounded_clouds(poses, weights)
@@ -33,6 +33,6 @@ def test_both_ways_give_the_same_bits(monkeypatch: pytest.MonkeyPatch, size: int
     poses, weights = generator.normal(0.0, [1e3, 1.0, 2.0], (size, 3)), generator.random(size)
     results = []
     for used in (False, True):
-        monkeypatch.setattr(compiled, "in_use", lambda used=used: used)
+        monkeypatch.setattr(backend, "in_use", lambda used=used: used)
         results.append([part.tobytes() for part in trace_messages.rounded_clouds(poses, weights)])
     assert results[0] == results[1]

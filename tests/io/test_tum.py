@@ -9,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.track_file import TrackCsv
-from mclcli.io.tum import TumWriter, _stamp, read_tum
-from mclcli.io.writers import stamp_text
+from mclcli.io.tables.tum import TumWriter, _stamp, read_tum
+from mclcli.io.traces.sinks import stamp_text
+from mclcli.io.traces.track_csv import TrackCsv
 from tests.data import shared
 from tests.io.traces import point
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.motion.odometry import OdometryPath
 
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.motion.omnidirectional import OmnidirectionalMotion, OmnidirectionalParameters
 from tests.reference.motion_omni import omnidirectional
 

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from mclcli import motion, se2
+from mclcli import motion
 from mclcli.errors import UsageError
+from mclcli.geometry import se2
 from mclcli.motion import MODELS, MotionParameters
 from mclcli.parameters import described
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from mclcli import se2, se3
+from mclcli.geometry import se2, se3
 from samples.sim.log_writer import write_log
 from samples.sim.recording import START_NS, Recording, simulate
 from samples.sim.sensors import Lidar, Mount

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mclcli import se2
+from mclcli.geometry import se2
 from samples.sim.building import FREE, Building
 from samples.sim.layouts import office_floor
 from samples.sim.planning import terrain

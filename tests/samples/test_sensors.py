@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mclcli import se2
+from mclcli.geometry import se2
 from samples.sim.building import OCCUPIED, Building, Landmarks, Rect, paint, solid
 from samples.sim.robot import Trajectory
 from samples.sim.sensors import PERSON_RADIUS, Camera, Lidar, Mount, People, scans, sightings

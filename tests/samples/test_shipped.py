@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from ruamel.yaml import YAML
 
-from mclcli import se2, se3
+from mclcli.geometry import se2, se3
 from samples.generate import NAMES, generate, main
 from samples.sim.building import FREE, OCCUPIED, UNKNOWN, Building, near
 from samples.sim.recording import Recording, drift, simulate

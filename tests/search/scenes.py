@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli import profiles, se2, se3, whereabouts
+from mclcli.geometry import se2, se3
 from mclcli.records import LaserScan
+from mclcli.replay import finder
 from mclcli.search import scene as scenes
 from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.sensors.observation import Observation
+from mclcli.settings import profiles
 from mclcli.world import distance_field, pyramid
 from mclcli.world.occupancy import OCCUPIED, OccupancyGrid
 from mclcli.world.raycast import make_caster
@@ -19,8 +21,8 @@ from mclcli.world.raycast import make_caster
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from mclcli.profiles import Settings
-    from mclcli.whereabouts import Finder, Limits
+    from mclcli.replay.finder import Finder, Limits
+    from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
 
 MOUNT = se3.from_rpy([0.1, -0.05, 0.2], 0.0, 0.0, 0.3)
@@ -77,9 +79,7 @@ def finder_for(
     """The search over a map."""
     settings = settings or profiles.build({})
     model = LikelihoodField(distance_field.compute(grid, "exact", 2.0), settings.likelihood_field)
-    return whereabouts.make_finder(
-        grid, model, settings, pyramid.build, limits=limits, landmarks=landmarks, alpha=alpha
-    )
+    return finder.make_finder(grid, model, settings, pyramid.build, limits=limits, landmarks=landmarks, alpha=alpha)
 
 
 def cells_allowed(grid: OccupancyGrid, policy: str) -> NDArray[np.bool_]:

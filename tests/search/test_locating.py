@@ -9,14 +9,15 @@ import math
 import numpy as np
 import pytest
 
-from mclcli import profiles, se2, se3
+from mclcli.geometry import se2, se3
 from mclcli.records import LandmarkSightings, LaserScan
+from mclcli.replay.finder import Finder, Limits
 from mclcli.search import window
 from mclcli.search.calibration import Figures, probability
 from mclcli.sensors import beams as beam_selection
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.observation import Observation
-from mclcli.whereabouts import Finder, Limits
+from mclcli.settings import profiles
 from mclcli.world.landmarks import Landmarks
 from mclcli.world.occupancy import UNKNOWN, OccupancyGrid
 from tests.search.scenes import MOUNT, cells_allowed, finder_for, hall, seen_from

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli import se3
+from mclcli.geometry import se3
 from mclcli.sensors import beams
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingModel, BearingParameters, observe

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from scipy import integrate, special
 
 from mclcli.errors import UsageError
-from mclcli.sensors.beam import BeamModel, BeamParameters
-from mclcli.sensors.beam_forms import COMBINATIONS, FLOOR, FORMS
+from mclcli.sensors.beam import BeamModel
+from mclcli.sensors.beam_forms import COMBINATIONS, FLOOR, FORMS, BeamParameters
 from mclcli.sensors.beams import Beams
 from mclcli.world.raycast import make_caster
 from tests.reference.beam import mixture

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import se3
 from mclcli.errors import InputError, UsageError
+from mclcli.geometry import se3
 from mclcli.sensors.beams import BeamSelection, maximum_range, select
 from tests.support import scan_of
 

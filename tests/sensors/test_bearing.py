@@ -10,8 +10,8 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from mclcli import se2, se3
 from mclcli.errors import UsageError
+from mclcli.geometry import se2, se3
 from mclcli.sensors.bearing import FLOOR, BearingModel, BearingParameters, observe
 from mclcli.world.landmarks import Landmarks
 from tests.reference.sensors import bearings_log_p

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import compiled, se2, se3
+from mclcli.geometry import se2, se3
+from mclcli.native import backend
 from mclcli.sensors import beams
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.likelihood_field import FLOOR, LikelihoodField, LikelihoodFieldParameters
@@ -121,7 +122,7 @@ def test_a_large_job_ahead_takes_the_compiled_path_for_one_pose_too(monkeypatch:
         asked.append(steps)
         return False
 
-    monkeypatch.setattr(compiled, "worth_compiling", asked_for)
+    monkeypatch.setattr(backend, "worth_compiling", asked_for)
     selected = beams.select(scan_of(RANGES), np.eye(4), EVERY)
     for job_size in (0.0, 1e9):
         model_over(grid_of(ROOM), job_size=job_size).measure("lidar", selected).log_likelihood(POSES[:2])

@@ -11,11 +11,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mclcli import profiles, se2, se3
 from mclcli.filter import scoring
+from mclcli.geometry import se2, se3
 from mclcli.sensors import beams
 from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.sensors.models import LIDAR_MODELS
+from mclcli.settings import profiles
 from mclcli.world import distance_field
 from mclcli.world.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.support import scan_of

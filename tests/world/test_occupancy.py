@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli import se2
+from mclcli.geometry import se2
 from mclcli.world.landmarks import Landmarks
 from mclcli.world.occupancy import OccupancyGrid
 from tests.worlds import drawn, empty, room

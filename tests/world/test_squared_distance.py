@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mclcli import compiled
+from mclcli.native import backend
 from mclcli.world import squared_distance
 from mclcli.world.squared_distance import squared_distances
 from tests.support import use_compiled
@@ -36,10 +36,10 @@ def naive(occupied: NDArray[np.bool_], limit: int) -> list[list[int]]:
 
 @pytest.fixture(params=["numpy", "compiled", "compiled, near"])
 def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    compiled.load("squared_distance")  # Hypothesis watches what runs within a test, and the compiler is a lot of that
+    backend.load("squared_distance")  # Hypothesis watches what runs within a test, and the compiler is a lot of that
     always = request.param != "numpy"
     use_compiled(monkeypatch, always=always)
-    monkeypatch.setattr(compiled, "in_use", lambda: always)
+    monkeypatch.setattr(backend, "in_use", lambda: always)
     monkeypatch.setattr(squared_distance, "_PASSES_IN_NUMPY", 0 if request.param == "compiled" else 10**9)
 
 
@@ -56,7 +56,7 @@ def test_both_paths_agree_on_a_large_map(monkeypatch: pytest.MonkeyPatch) -> Non
     found = []
     for always, passes in ((False, 0), (True, 0), (True, 10**9)):
         use_compiled(monkeypatch, always=always)
-        monkeypatch.setattr(compiled, "in_use", lambda always=always: always)
+        monkeypatch.setattr(backend, "in_use", lambda always=always: always)
         monkeypatch.setattr(squared_distance, "_PASSES_IN_NUMPY", passes)
         found.append(squared_distances(occupied, 150**2))
     assert (found[0] == found[1]).all()

@@ -17,8 +17,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 from mclcli.io.logs.base import Channel, FileFacts, Item, RawMessage, Recorded
+from mclcli.io.logs.channels import Lanes
 from mclcli.io.logs.inflate import CHUNK_LIMIT
-from mclcli.io.logs.lanes import Lanes
 from mclcli.io.logs.mcap_records import is_latched, ros2_name
 from mclcli.io.logs.report import Report
 

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, cast, final
 
 from mclcli.io.logs import mcap_records as rec
 from mclcli.io.logs.base import LARGE, Damage, FileFacts, Item, RawMessage
+from mclcli.io.logs.channels import Lanes
 from mclcli.io.logs.inflate import CHUNK_LIMIT, RECORD_LIMIT, Budget, CorruptError, inflate, inflate_start
-from mclcli.io.logs.lanes import Lanes
 from mclcli.io.logs.report import CUT, RESUMES, UNCLOSED, Report
 
 if TYPE_CHECKING:

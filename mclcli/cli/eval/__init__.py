@@ -1,0 +1,1 @@
+"""``mcl eval``: tracks against a reference."""

@@ -1,0 +1,1 @@
+"""``mcl locate``: where a scan was taken, anywhere on the map."""

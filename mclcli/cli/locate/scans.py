@@ -1,0 +1,207 @@
+"""The scans that ``mcl locate`` looks at, each with what was seen before it."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from mclcli.cli.clock import parse_seconds
+from mclcli.errors import InputError, UsageError
+from mclcli.records import LaserScan, StampedPose
+from mclcli.sensors.observation import Observation
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from mclcli.cli.options import Chosen
+    from mclcli.io.recording.recording import Recording
+    from mclcli.io.recording.roles import Roles
+    from mclcli.replay.intake import Setup
+    from mclcli.settings.profiles import Settings
+    from mclcli.world.landmarks import Landmarks
+    from mclcli.world.occupancy import OccupancyGrid
+
+    Moment = tuple[Observation, ...]
+
+_SIGHTINGS_NS = 500_000_000  # how old sightings of landmarks may be that count without --window
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Moments:
+    """Moments to look at, in order; ``recording`` is the log they are from."""
+
+    moments: Iterable[Moment]
+    recording: Recording | None = None
+
+    def __iter__(self) -> Iterator[Moment]:
+        return iter(self.moments)
+
+    @property
+    def lossy(self) -> bool:
+        """Whether something that was needed of the log was damaged."""
+        return self.recording is not None and self.recording.tally.lossy
+
+
+def find(
+    arguments: dict[str, Any],
+    chosen: Chosen,
+    grid: OccupancyGrid,
+    landmarks: Landmarks | None,
+) -> Moments:
+    """What SCAN, --at, --index, --every and --window name.
+
+    Raises
+    ------
+    UsageError
+        If options contradict each other or the kind of SCAN.
+    InputError
+        If the log has no scan, or no odometry where it is needed.
+
+    """
+    from mclcli.cli import one_scan
+
+    window_ns = _seconds(arguments, "window")
+    every_ns = _seconds(arguments, "every")
+    if arguments["every"] is not None and (arguments["at"] is not None or arguments["index"] is not None):
+        raise UsageError("--every looks at the whole log; leave --at and --index out")
+    source = arguments["scan"]
+    if source == "-" or not Path(source).exists() or not one_scan.is_log(Path(source)):
+        return _one_scan(arguments, chosen)
+    if arguments["bearings"] is not None:
+        raise UsageError("--bearings go with a single scan; in a log the landmarks' own topic is used")
+    recording, parts = one_scan.open_for_scan(Path(source), arguments["scan_topic"], chosen, arguments["odom"])
+    if not window_ns and arguments["every"] is None and landmarks is None:
+        scan = one_scan.scan_of_log(recording, parts, arguments["at"], arguments["index"])
+        mount = one_scan.mount_in_log(recording, parts, scan, arguments["mounts"])
+        return Moments([_alone(scan, mount)], recording)
+    setup = _setup(arguments, chosen.settings, grid, landmarks, recording, parts)
+    moments = _moments(recording, setup, window_ns)
+    if arguments["every"] is not None:
+        return Moments(_thinned(moments, max(every_ns, 1)), recording)
+    if arguments["at"] is None and arguments["index"] is None:
+        return Moments(_first_whole(moments, window_ns), recording)
+    wanted = one_scan.scan_of_log(recording, parts, arguments["at"], arguments["index"])
+    return Moments([_that_of(moments, wanted, source)], recording)
+
+
+def _seconds(arguments: dict[str, Any], name: str) -> int:
+    if arguments[name] is None:
+        return 0
+    length = parse_seconds(arguments[name], f"--{name}")
+    if length < 0:
+        raise UsageError(f"--{name}: {arguments[name]} is less than 0")
+    return length
+
+
+def _alone(scan: LaserScan, mount: np.ndarray, topic: str = "scan") -> Moment:
+    return (Observation(topic, scan, np.zeros(3), mount),)
+
+
+def _one_scan(arguments: dict[str, Any], chosen: Chosen) -> Moments:
+    """A scan as text, and the bearings that belong to it."""
+    from mclcli.cli.one_scan import find_scan
+    from mclcli.io.tables.landmarks_file import read_bearings
+
+    for option in ("window", "every", "odom"):
+        if arguments[option] is not None:
+            raise UsageError(f"--{option}: {arguments['scan']} is one scan, not a log; leave the option out")
+    if (arguments["landmarks"] is None) != (arguments["bearings"] is None):
+        raise UsageError("--landmarks and --bearings go together: where the landmarks are, and what was seen of them")
+    mounted = find_scan(arguments, chosen)
+    moment = _alone(mounted.scan, mounted.base_from_sensor)
+    if arguments["bearings"] is not None:
+        camera = arguments["mounts"].get("camera", np.eye(4))
+        moment = (Observation("bearings", read_bearings(arguments["bearings"]), np.zeros(3), camera), *moment)
+    return Moments([moment])
+
+
+def _setup(
+    arguments: dict[str, Any],
+    settings: Settings,
+    grid: OccupancyGrid,
+    landmarks: Landmarks | None,
+    recording: Recording,
+    parts: Roles,
+) -> Setup:
+    """What takes part, as for a run: scans need odometry to be joined."""
+    from mclcli.io.maps.field_cache import cached_field
+    from mclcli.replay import setup as assemble
+
+    if not parts.scan:
+        raise InputError(
+            f"{arguments['scan']}: the log has no laser scan that can be used; `mcl info` shows what it has"
+        )
+    return assemble.prepare(
+        recording.found,
+        parts,
+        grid=grid,
+        landmarks=landmarks,
+        settings=settings,
+        mounts=arguments["mounts"],
+        make_field=lambda *what, **how: cached_field(*what, **how)[0],
+    )
+
+
+def _moments(recording: Recording, setup: Setup, window_ns: int) -> Iterator[Moment]:
+    """Every scan of the first lidar, after all that was seen within the window before it."""
+    from mclcli.replay.intake import Intake, ReplayTally
+
+    intake = Intake(setup, ReplayTally())
+    seen: deque[Observation] = deque()
+    segment = 0
+    for topic, record in recording.events(setup.topics):
+        intake.take(topic, record)
+        if intake.segment != segment:
+            seen.clear()
+            segment = intake.segment
+        for usable in intake.ready():
+            if isinstance(usable, StampedPose):
+                continue
+            seen.append(usable)
+            stamp_ns = usable.reading.stamp_ns
+            while seen[0].reading.stamp_ns < stamp_ns - max(window_ns, _SIGHTINGS_NS):
+                seen.popleft()
+            if intake.triggers(usable.topic):
+                yield tuple(o for o in seen if _counts(o, stamp_ns, window_ns))
+                intake.forget(stamp_ns)
+
+
+def _counts(observation: Observation, now_ns: int, window_ns: int) -> bool:
+    scan = isinstance(observation.reading, LaserScan)
+    return observation.reading.stamp_ns >= now_ns - (window_ns if scan else max(window_ns, _SIGHTINGS_NS))
+
+
+def _thinned(moments: Iterator[Moment], every_ns: int) -> Iterator[Moment]:
+    due: int | None = None
+    for moment in moments:
+        stamp_ns = moment[-1].reading.stamp_ns
+        if due is None or stamp_ns >= due:
+            yield moment
+            due = stamp_ns + every_ns if due is None else max(due + every_ns, stamp_ns + 1)
+
+
+def _first_whole(moments: Iterator[Moment], window_ns: int) -> Iterator[Moment]:
+    """The first moment that has a whole window behind it; the last one of a log that is shorter."""
+    first_ns: int | None = None
+    moment: Moment | None = None
+    for moment in moments:
+        stamp_ns = moment[-1].reading.stamp_ns
+        first_ns = stamp_ns if first_ns is None else first_ns
+        if stamp_ns >= first_ns + window_ns:
+            break
+    if moment is not None:
+        yield moment
+
+
+def _that_of(moments: Iterator[Moment], wanted: LaserScan, source: str) -> Moment:
+    for moment in moments:
+        if moment[-1].reading.stamp_ns >= wanted.stamp_ns:
+            return moment
+    raise InputError(
+        f"{source}: the scan lies outside the log's odometry, so none can be joined to it; leave --window out"
+    )

@@ -1,0 +1,181 @@
+"""The one scan that a command works on: a text file, standard input, or one message of a log."""
+
+from __future__ import annotations
+
+import itertools
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, final
+
+import numpy as np
+
+from mclcli.cli import console
+from mclcli.cli.clock import parse_time
+from mclcli.errors import InputError, UsageError
+from mclcli.records import LaserScan
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from numpy.typing import NDArray
+
+    from mclcli.cli.options import Chosen
+    from mclcli.io.recording.recording import Recording
+    from mclcli.io.recording.roles import Roles
+
+Message = TypeVar("Message")
+
+_NEAR_NS = 1_000_000_000
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class MountedScan:
+    """A scan and where its lidar sits: ``base_from_sensor`` (4, 4); ``base_frame`` where known."""
+
+    scan: LaserScan
+    base_from_sensor: NDArray[np.float64]
+    base_frame: str
+
+
+def find_scan(arguments: dict[str, Any], chosen: Chosen) -> MountedScan:
+    """The scan that SCAN, --at, --index, --scan-topic and --mount name."""
+    source, mounts = arguments["scan"], arguments["mounts"]
+    if source != "-" and not Path(source).exists():
+        raise UsageError(f"{source}: no such file; name a LaserScan as YAML or JSON, a log, or - for stdin")
+    if source != "-" and is_log(Path(source)):
+        recording, parts = open_for_scan(Path(source), arguments["scan_topic"], chosen)
+        scan = scan_of_log(recording, parts, arguments["at"], arguments["index"])
+        return MountedScan(scan, mount_in_log(recording, parts, scan, mounts), parts.base_frame)
+    for option in ("at", "index", "scan_topic"):
+        if arguments[option] is not None:
+            raise UsageError(f"--{option.replace('_', '-')}: {source} is one scan, not a log; leave the option out")
+    return _scan_of_text(source, mounts)
+
+
+def open_for_scan(
+    path: Path, topic: str | None, chosen: Chosen | None = None, odometry: str | None = None
+) -> tuple[Recording, Roles]:
+    """A log, and which of its topics holds the scans: the one named, else the one that ``mcl run`` would use."""
+    from mclcli.cli.log_roles import names_in
+    from mclcli.io.logs import open_log
+    from mclcli.io.recording import roles
+    from mclcli.io.recording.recording import Recording
+
+    recording = Recording(open_log([path]))
+    overruled = {"map_topic", "scan_topic"} if topic else {"map_topic"}
+    names = {} if chosen is None else names_in(recording.found, chosen, overruled)
+    scan = topic or names.get("scan_topic", "")
+    wished = roles.Wishes(
+        scan=(scan,) if scan else (),
+        odometry=odometry or names.get("odom_topic", ""),
+        base_frame=names.get("base_frame_id", ""),
+        odom_frame=names.get("odom_frame_id", ""),
+    )
+    return recording, roles.assign(recording.found, wished)
+
+
+def scan_of_log(recording: Recording, parts: Roles, at: str | None, index: int | None) -> LaserScan:
+    """One scan of a log, by time or number; the first one if neither is given.
+
+    Raises
+    ------
+    InputError
+        If the log has no laser scan.
+    UsageError
+        If there is no scan of that time or number.
+
+    """
+    if not parts.scan:
+        name = ", ".join(recording.log.names)
+        raise InputError(f"{name}: the log has no laser scan that can be used; `mcl info` shows what it has")
+    topic = parts.scan[0]
+    scans = (record for _, record in recording.events([topic]) if isinstance(record, LaserScan))
+    return pick_one(scans, lambda scan: scan.stamp_ns, recording.first_ns, at, index)
+
+
+def pick_one(
+    messages: Iterable[Message], stamp_of: Callable[[Message], int], first_ns: int, at: str | None, index: int | None
+) -> Message:
+    """The message nearest to a time, or of a number; the first one if neither is given.
+
+    Says so where the nearest one is more than 1 s away.
+
+    Raises
+    ------
+    UsageError
+        If there is no message of that number, or the time is not one.
+
+    """
+    if at is not None and index is not None:
+        raise UsageError("--at and --index name one message each; give one of them")
+    if at is None:
+        chosen = next(itertools.islice(messages, index or 0, None), None)
+    else:
+        stamp_ns = parse_time(at, first_ns, "--at")
+        chosen = min(messages, key=lambda message: abs(stamp_of(message) - stamp_ns), default=None)
+        if chosen is not None and abs(away_ns := stamp_of(chosen) - stamp_ns) > _NEAR_NS:
+            side = "after" if away_ns > 0 else "before"
+            console.remark(f"--at {at}: the nearest message is from {abs(away_ns) * 1e-9:.1f} s {side} that")
+    if chosen is None:
+        raise UsageError(f"the topic has no message {'' if index is None else f'of number {index} '}that can be read")
+    return chosen
+
+
+def _scan_of_text(source: str, mounts: dict[str, NDArray[np.float64]]) -> MountedScan:
+    from mclcli.io.tables.scan_file import parse_scan, read_scan
+
+    if source == "-":
+        source = "standard input"
+        scan, mount, base_frame = parse_scan(sys.stdin.buffer.read(), source)
+    else:
+        scan, mount, base_frame = read_scan(Path(source))
+    given = mounts.get(scan.frame_id, mounts.get(""))
+    if given is not None:
+        mount = given
+    elif mount is None:
+        console.remark(
+            f"{source}: nothing says where the lidar sits; taken at the base (--mount X,Y,YAW says otherwise)"
+        )
+        mount = np.eye(4)
+    return MountedScan(scan, mount, base_frame or "")
+
+
+def mount_in_log(
+    recording: Recording, parts: Roles, scan: LaserScan, mounts: dict[str, NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """``base_from_sensor`` (4, 4): the mount given, else the log's.
+
+    Raises
+    ------
+    InputError
+        If neither says where the lidar sits.
+
+    """
+    given = mounts.get(scan.frame_id, mounts.get(""))
+    if given is not None:
+        return given
+    tree = recording.found.frames
+    mount = tree.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
+    if mount is None:
+        raise InputError(
+            f"no transform from '{parts.base_frame}' to '{scan.frame_id}'; frames in the log: "
+            f"{', '.join(tree.frames) or 'none'}; give --mount {scan.frame_id}=X,Y,YAW"
+        )
+    return mount
+
+
+def is_log(path: Path) -> bool:
+    """Whether a path is a folder or begins like a log; anything else is read as text."""
+    from mclcli.io.logs import sniff
+
+    if path.is_dir():
+        return True
+    with path.open("rb") as file:
+        head = file.read(sniff.HEAD)
+    try:
+        sniff.kind_of(head, path.name)
+    except InputError:
+        return False
+    return True

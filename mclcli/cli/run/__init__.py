@@ -1,0 +1,1 @@
+"""``mcl run``: Monte Carlo Localization over a log."""

@@ -1,0 +1,226 @@
+"""What ``mcl run`` writes while it goes: traces, tracks, steps; and the track it keeps for picture and summary."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+import sys
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, final
+
+from mclcli.cli import console
+from mclcli.errors import UsageError
+from mclcli.geometry.trajectory import Track
+from mclcli.io.tables.tum import TumWriter
+from mclcli.io.traces.output import Output, open_output
+from mclcli.io.traces.trace_csv import StepsCsv, TraceCsv
+from mclcli.io.traces.track_csv import TrackCsv
+from mclcli.version import __version__
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from types import TracebackType
+    from typing import Self
+
+    from mclcli.io.recording.recording import Recording
+    from mclcli.io.traces.sinks import RecordWriter
+    from mclcli.io.traces.trace_mcap import TraceMcap
+    from mclcli.records import StepRecord, TrackPoint, Transform
+    from mclcli.replay.loop import Setup
+    from mclcli.settings.profiles import Settings
+    from mclcli.world.landmarks import Landmarks
+    from mclcli.world.occupancy import OccupancyGrid
+
+# Options that change how mcl works or where it writes, not what comes out.
+_UNRECORDED = {"-o", "--output", "--track", "--steps", "--picture", "--threads", "--cache-dir", "--color"}
+_UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|-o.+")
+
+
+@final
+class Outputs:
+    """All outputs of one run, opened together and finished together."""
+
+    def __init__(
+        self,
+        arguments: dict[str, Any],
+        recording: Recording,
+        setup: Setup,
+        settings: Settings,
+        grid: OccupancyGrid | None,
+        landmarks: Landmarks | None,
+        inputs: Sequence[Path],
+    ) -> None:
+        # Kept where something is made of it at the end: a log may be longer than memory.
+        self.track = Track(whole=any(arguments[name] for name in ("picture", "truth", "versus")))
+        self.last_step: StepRecord | None = None
+        self._targets = _targets(arguments)
+        self._recording, self._setup, self._grid, self._inputs = recording, setup, grid, inputs
+        self._settings = settings
+        self._metadata = _metadata(arguments, recording, setup, settings, grid, landmarks)
+        self._stack = ExitStack()
+        self._opened: list[Output] = []
+        self._points: list[RecordWriter[TrackPoint]] = []
+        self._steps: list[RecordWriter[StepRecord]] = []
+        self._mcaps: list[TraceMcap] = []
+        self._mcap_files: list[Output] = []
+
+    @property
+    def keeps_transforms(self) -> bool:
+        """Whether a trace passes the recorded transforms on."""
+        return any(target.endswith(".mcap") for role, target in self._targets if role == "trace")
+
+    def __enter__(self) -> Self:
+        try:
+            for role, target in self._targets:
+                self._open(role, target)
+        except BaseException:
+            self._stack.__exit__(*sys.exc_info())
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        try:
+            for points in self._points:
+                points.close()
+            for steps in self._steps:
+                steps.close()
+            for trace_file in self._mcap_files:
+                trace_file.allow_part()
+        except BaseException:
+            self._stack.__exit__(*sys.exc_info())
+            raise
+        self._stack.__exit__(kind, error, trace)
+        for output in self._opened if kind is not None else ():
+            console.tell_kept(output.kept)
+
+    def write(self, point: TrackPoint) -> None:
+        """Write one point everywhere it belongs."""
+        self.track.append(point)
+        for points in self._points:
+            points.write(point)
+        if point.step is not None:
+            self.last_step = point.step
+            for steps in self._steps:
+                steps.write(point.step)
+
+    def pass_on(self, transforms: tuple[Transform, ...]) -> None:
+        """Copy one recorded message of transforms into the traces that keep them."""
+        moving = [transform for transform in transforms if not transform.static]
+        if moving:
+            for trace in self._mcaps:
+                trace.transforms(moving[0].stamp_ns, moving)
+
+    def _open(self, role: str, target: str) -> None:
+        binary = target.endswith(".mcap")
+        stream = self._stack.enter_context(open_output(target, binary=binary, inputs=self._inputs))
+        self._opened.append(stream)
+        sensors = [instrument.name for instrument in self._setup.instruments.values()]
+        if binary:
+            self._mcaps.append(self._mcap(stream))
+            self._mcap_files.append(stream)
+            self._points.append(self._mcaps[-1])
+        elif role == "trace":
+            self._steps.append(TraceCsv(stream, self._metadata, sensors=sensors))
+        elif role == "steps":
+            self._steps.append(StepsCsv(stream, sensors=sensors))
+        else:
+            self._points.append(TumWriter(stream) if target.endswith(".tum") else TrackCsv(stream))
+
+    def _mcap(self, stream: Any) -> TraceMcap:
+        from mclcli.io.tables.params_yaml import format_params
+        from mclcli.io.traces.trace_mcap import TraceMcap
+
+        return TraceMcap(
+            stream,
+            grid=self._grid,
+            metadata={
+                key: value if isinstance(value, str) else json.dumps(value) for key, value in self._metadata.items()
+            },
+            parameters_yaml=format_params(self._settings.stated()),
+            odom_frame=self._setup.odom_frame,
+            base_frame=self._setup.base_frame,
+            map_frame=self._settings.frames.global_frame_id,
+            static_transforms=tuple(self._recording.found.statics.values()),
+        )
+
+
+def _targets(arguments: dict[str, Any]) -> list[tuple[str, str]]:
+    """Role and name of every output; the track on stdout if none is named and stdout is not a terminal."""
+    targets = [("trace", name) for name in arguments["traces"]] + [("track", name) for name in arguments["tracks"]]
+    if arguments["steps"]:
+        targets.append(("steps", arguments["steps"]))
+    for role, name in targets:
+        _check_suffix(role, name)
+    names = [name for _, name in targets]
+    if names.count("-") > 1:
+        raise UsageError("only one output can go to stdout; give the others a name")
+    for name in names:
+        if name != "-" and names.count(name) > 1:
+            raise UsageError(f"{name}: named for two outputs; give each its own name")
+    if not targets and not arguments["picture"] and not sys.stdout.isatty():
+        targets.append(("track", "-"))
+    return targets
+
+
+def _check_suffix(role: str, name: str) -> None:
+    allowed = {"trace": (".csv", ".csv.gz", ".mcap"), "track": (".csv", ".tum"), "steps": (".csv",)}[role]
+    special = name == "-" or name.startswith(("/dev/", "/proc/"))
+    if not special and not name.endswith(allowed):
+        option = {"trace": "-o", "track": "--track", "steps": "--steps"}[role]
+        raise UsageError(f"{option} {name}: the name must end in {' or '.join(allowed)}, or be -")
+
+
+def _metadata(
+    arguments: dict[str, Any],
+    recording: Recording,
+    setup: Setup,
+    settings: Settings,
+    grid: OccupancyGrid | None,
+    landmarks: Landmarks | None,
+) -> dict[str, object]:
+    """What it takes to make the same trace again; no clock, no folders."""
+    metadata: dict[str, object] = {
+        "version": __version__,
+        "profile": settings.profile,
+        "model": settings.model,
+        "seed": setup.localizer.seed,
+        "temperature": {i.name: i.alpha for i in setup.instruments.values()},
+        "parameters": settings.values(),
+        "topics": {i.name: topic for topic, i in setup.instruments.items()},
+        "odometry": setup.odometry,
+        "logs": [Path(name).name for name in arguments["logs"]],
+        "log_sha256": recording.log.digest(),
+        "argv": recorded_argv(sys.argv[1:]),
+    }
+    if grid is not None:
+        metadata["map"] = Path(arguments["map_file"]).name if arguments["map_file"] else "from the log"
+        metadata["map_sha256"] = grid.digest()
+    if landmarks is not None:
+        metadata["landmarks_sha256"] = hashlib.sha256(
+            repr((landmarks.ids, landmarks.positions.tolist())).encode()
+        ).hexdigest()
+    return metadata
+
+
+def recorded_argv(argv: Sequence[str]) -> list[str]:
+    """Arguments that decide what comes out, files by their base names."""
+    kept: list[str] = []
+    rest = iter(argv)
+    for word in rest:
+        if word in _UNRECORDED:
+            next(rest, None)
+        elif word.partition("=")[0] not in _UNRECORDED and not _UNRECORDED_FLAGS.fullmatch(word):
+            kept.append(_base_name(word))
+    return kept
+
+
+def _base_name(word: str) -> str:
+    """A path's last part; topics and everything else stay as they are."""
+    option, equals, value = word.partition("=")
+    if equals and option.startswith("--"):
+        return f"{option}={_base_name(value)}"
+    return Path(word).name if "/" in word and Path(word).exists() else word

@@ -1,0 +1,206 @@
+"""What ``mcl run`` tells its user: progress, a summary, a picture."""
+
+from __future__ import annotations
+
+import time
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mclcli.cli import console
+from mclcli.filter.fit import PROBABLY_LOST
+from mclcli.text import clean
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+    from pathlib import Path
+
+    from PIL.Image import Image
+
+    from mclcli.cli.run.outputs import Outputs
+    from mclcli.cli.run.references import Findings
+    from mclcli.geometry.trajectory import Track
+    from mclcli.io.recording.recording import Recording
+    from mclcli.records import TrackPoint
+    from mclcli.replay.loop import ReplayTally, Setup
+    from mclcli.sensors.instruments import Instrument
+    from mclcli.world.occupancy import OccupancyGrid
+
+_REDRAW_S = 0.1
+
+
+@contextmanager
+def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
+    """Live progress on stderr while it is a terminal: percent of the log, × real time, ESS, pose."""
+    span = recording.found.span_ns
+    if span is None or not console.is_live():
+        yield lambda _: None
+        return
+    from rich.live import Live
+    from rich.text import Text
+
+    began = time.perf_counter()
+    first_ns, last_ns = span
+    drawn = 0.0
+    ess = ""
+    with Live(console=console.stderr(), transient=True, auto_refresh=False) as live:
+
+        def show(point: TrackPoint) -> None:
+            nonlocal drawn, ess
+            if point.step is not None:
+                ess = f"ESS {point.step.ess:.0f} of {len(point.step.weights)}"
+            now = time.perf_counter()
+            if now - drawn < _REDRAW_S:
+                return
+            drawn = now
+            part = (point.stamp_ns - first_ns) * 1e-9
+            share = (
+                f"{100 * (point.stamp_ns - first_ns) / max(last_ns - first_ns, 1):3.0f} %  "
+                if recording.log.seekable
+                else ""
+            )
+            x, y, yaw = point.estimate.pose
+            speed = part / max(now - began, 1e-9)
+            pose = f"x {x:.2f} m  y {y:.2f} m  yaw {np.degrees(yaw):.0f}°"
+            line = f"{share}{part:.1f} s of the log  {speed:.0f} × real time  {ess}  {pose}"
+            live.update(Text(line, no_wrap=True, overflow="ellipsis"), refresh=True)
+
+        yield show
+
+
+def extent(tally: ReplayTally, track: Track) -> str:
+    """How much was driven: the same whenever the same is run."""
+    return f"{tally.updates} updates over {track.seconds:.1f} s and {tally.distance:.1f} m"
+
+
+def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Track, seconds: float) -> list[str]:
+    """What the run did, in a few lines."""
+    lines = [f"{extent(tally, track)} in {seconds:.2f} s ({track.seconds / seconds:.0f} × real time)"]
+    for topic, instrument in setup.instruments.items():
+        lines.append(f"{instrument.name} {clean(topic)}: {tally.used[topic]} used{_skipped(tally, topic)}")
+        lines += _scored(instrument, tally)
+    if tally.degenerate:
+        lines.append(f"{tally.degenerate} updates ignored their measurement: no weight was left (degenerate)")
+    if tally.odometry_gaps:
+        lines.append(
+            f"odometry {clean(setup.odometry)}: {tally.odometry_gaps} gaps over 1 s, the longest "
+            f"{tally.longest_gap_ns * 1e-9:.1f} s; interpolated"
+        )
+    return lines + _events_of(setup, tally) + _doubts(recording, tally) + _unread(recording)
+
+
+def _doubts(recording: Recording, tally: ReplayTally) -> list[str]:
+    """When the robot was probably lost, or where the map knows nothing."""
+    if not tally.doubtful_ns:
+        return []
+    first_ns, last_ns = max(tally.doubtful_ns, key=lambda span: span[1] - span[0])
+    share = f"{tally.unreliable} of {tally.updates} updates (reliability < {PROBABLY_LOST:g})"
+    begin, end = ((stamp_ns - recording.first_ns) * 1e-9 for stamp_ns in (first_ns, last_ns))
+    return [f"probably lost, or off the map, at {share}, longest from {begin:.1f} to {end:.1f} s of the log"]
+
+
+def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
+    """What happened that a user should know of."""
+    jumps, again, back = tally.odometry_jumps, tally.restarts, tally.segments - 1
+    told = {
+        f"odometry {clean(setup.odometry)}: {_times(jumps)} it jumped; taken for resets, not for motion": jumps,
+        f"{clean(setup.follow)}: the filter began anew {_times(again)}, at every pose stated": again,
+        f"time jumped back {_times(back)}; the filter began anew in each segment": back,
+        f"{tally.injected} particles drawn anew": tally.injected,
+    }
+    return [text for text, count in told.items() if count]
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"
+
+
+def show(lines: Sequence[str], report: str = "") -> None:
+    """Print lines, and a report below them, on stderr."""
+    for line in lines:
+        console.remark(line)
+    if report:
+        console.block(report)
+
+
+def draw(
+    target: str,
+    inputs: Sequence[Path],
+    grid: OccupancyGrid | None,
+    outputs: Outputs,
+    findings: Findings,
+    title: str,
+    subtitle: str,
+) -> None:
+    """Picture of map, track, reference, belief and final particles; below it errors and differences over time."""
+    from mclcli.cli import pictures
+    from mclcli.cli.eval import pictures as eval_pictures
+    from mclcli.render.evaluation import floor_around
+    from mclcli.render.track import draw_track
+
+    track, last = outputs.track, outputs.last_step
+    stamps = track.stamps_ns
+    span = int(stamps.min()), int(stamps.max())
+    belief = None if findings.comparison is None else findings.comparison.belief
+    picture = draw_track(
+        grid if grid is not None else floor_around(track.poses),
+        track.poses,
+        stamps_s=(stamps - stamps[0]) * 1e-9,
+        truth=None if findings.truth is None else eval_pictures.during(findings.truth, *span),
+        belief=None if belief is None else belief.poses,
+        cloud=None if last is None else last.poses,
+        cloud_weights=None if last is None else last.weights,
+        title=title,
+        subtitle=subtitle,
+    )
+    pictures.save(_with_findings(picture, findings, span[0]), target, inputs)
+
+
+def _with_findings(picture: Image, findings: Findings, first_ns: int) -> Image:
+    """Picture of a run with errors and differences over time below it, where there are any."""
+    from mclcli.cli.eval.pictures import errors_to_draw, levels_of, shades_of
+    from mclcli.evaluate.events import APART, CONVERGED, LOST
+    from mclcli.render.evaluation import Errors, with_errors
+
+    if findings.evaluation is not None:
+        picture = with_errors(
+            picture,
+            [errors_to_draw(findings.evaluation, first_ns)],
+            "error",
+            "lost",
+            levels_of(CONVERGED, LOST),
+        )
+    if findings.comparison is not None:
+        d = findings.comparison.differences
+        seconds = np.asarray((d.stamps_ns - first_ns) * 1e-9, dtype=np.float64)
+        shades = shades_of(findings.comparison.apart, first_ns, float(seconds[-1]))
+        differences = Errors("", np.zeros((0, 3)), seconds, d.translation, d.yaw, None, shades)
+        picture = with_errors(picture, [differences], "from what the robot believed", "apart", levels_of(APART))
+    return picture
+
+
+def _skipped(tally: ReplayTally, topic: str) -> str:
+    reasons = [(why, count) for (name, why), count in sorted(tally.skipped.items()) if name == topic]
+    return "".join(f", {count} skipped: {clean(why)}" for why, count in reasons)
+
+
+def _scored(instrument: Instrument, tally: ReplayTally) -> Iterator[str]:
+    """What temperature ``auto`` found, and how many sightings named nothing in the landmark map."""
+    from mclcli.sensors.instruments import Lidar
+
+    name = instrument.name
+    scored, unknown = tally.scored[name], tally.unknown[name]
+    if isinstance(instrument, Lidar) and instrument.alpha == "auto" and scored:
+        share, each = tally.independent[name] / scored, scored / tally.updates
+        yield f"{name}: temperature {share:.2f} on average (auto): K_eff {share * each:.1f} of {each:.1f} an update"
+    if unknown:
+        yield f"{name}: {unknown} of {scored} sightings have an id that is not in the landmark map"
+
+
+def _unread(recording: Recording) -> list[str]:
+    """Messages of the log that could not be read."""
+    lines = []
+    for topic, reasons in sorted(recording.tally.skipped.items()):
+        lines += [f"{clean(topic)}: {count} messages not read: {clean(why)}" for why, count in sorted(reasons.items())]
+    return lines

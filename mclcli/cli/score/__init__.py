@@ -1,0 +1,1 @@
+"""``mcl score``: poses against one scan."""

@@ -1,0 +1,81 @@
+"""The search over a map, as ``mcl locate`` and ``mcl run`` use it: its field and pyramid from the cache."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+from mclcli.errors import UsageError
+from mclcli.io.maps.field_cache import cached_field
+from mclcli.io.maps.pyramid_cache import cached_pyramid
+from mclcli.replay import finder as whereabouts
+from mclcli.replay.finder import FoundAgain, FoundOnMap
+from mclcli.replay.setup import alpha_of, lidar_model
+from mclcli.sensors.likelihood_field import LikelihoodField
+
+if TYPE_CHECKING:
+    from mclcli.filter.recovery import Proposal
+    from mclcli.filter.start import Start
+    from mclcli.io.recording.roles import Roles
+    from mclcli.replay.finder import Finder, Limits
+    from mclcli.settings.profiles import Settings
+    from mclcli.world.landmarks import Landmarks
+    from mclcli.world.occupancy import OccupancyGrid
+
+
+def make_finder(
+    settings: Settings,
+    grid: OccupancyGrid,
+    landmarks: Landmarks | None,
+    alpha: float | str = "auto",
+    limits: Limits | None = None,
+) -> Finder:
+    """The search that the settings ask for; with the beam model the likelihood field finds what that looks at again."""
+    if settings.model == "beam":
+        settings = dataclasses.replace(settings, model="likelihood_field")
+    model = lidar_model(grid, settings, lambda *what, **how: cached_field(*what, **how)[0], 0.0)
+    assert isinstance(model, LikelihoodField)  # noqa: S101 - that is what the model was set to
+    return whereabouts.make_finder(
+        grid,
+        model,
+        settings,
+        lambda field: cached_pyramid(field)[0],
+        limits=limits,
+        landmarks=landmarks,
+        alpha=alpha,
+    )
+
+
+def temperature_of(temperature: dict[str, float | str]) -> float | str:
+    """Temperature of a search.
+
+    Raises
+    ------
+    UsageError
+        If it is ``ess``, which needs particles.
+
+    """
+    alpha = alpha_of(temperature, "lidar", "auto")
+    if alpha == "ess":
+        raise UsageError("--temperature: ess keeps a share of a sample, and here is none; give a number or auto")
+    return alpha
+
+
+def search_for(
+    arguments: dict[str, Any],
+    settings: Settings,
+    grid: OccupancyGrid | None,
+    landmarks: Landmarks | None,
+    parts: Roles,
+    start: Start | None,
+) -> tuple[Start | None, Proposal | None]:
+    """Start and proposal of a run that a search of the map takes part in, each where it is asked for and possible.
+
+    ``start`` is what else says where the run begins. Without a lidar or a map there is nothing to search.
+    """
+    anywhere = start is None and arguments["init"] != "uniform" and not arguments["follow_initialpose"]
+    again = settings.recovery.recovery == "locate" and settings.recovery.enabled
+    if grid is None or not parts.scan or not (anywhere or again):
+        return start, None
+    finder = make_finder(settings, grid, landmarks)
+    return FoundOnMap(finder, grid) if anywhere else start, FoundAgain(finder, grid) if again else None

@@ -1,0 +1,1 @@
+"""Poses, rotations, paths through time, trees of frames and the pinhole camera."""

@@ -1,0 +1,164 @@
+"""The tree of coordinate frames, from the transforms of a log."""
+
+from __future__ import annotations
+
+from bisect import bisect_left
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from mclcli.geometry import se3
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from mclcli.records import Transform
+
+_SAME = 1e-9  # [m, or of a rotation matrix's entries] a repeated transform may differ by rounding
+
+
+@final
+class _Edge:
+    """One parent-to-child edge; it moves once a value that differs from the first has arrived."""
+
+    __slots__ = ("first", "matrices", "moves", "parent", "stamps")
+
+    def __init__(self, parent: str, first: NDArray[np.float64]) -> None:
+        self.parent = parent
+        self.first = first
+        self.moves = False
+        self.stamps: list[int] = []
+        self.matrices: list[NDArray[np.float64]] = []
+
+    def add(self, stamp_ns: int, matrix: NDArray[np.float64], *, keep: bool) -> None:
+        """Take in the transform (4, 4) at a stamp; without ``keep`` only whether it ever changes."""
+        self.moves = self.moves or float(np.abs(self.first - matrix).max()) > _SAME
+        if keep and (not self.stamps or stamp_ns > self.stamps[-1]):
+            self.stamps.append(stamp_ns)
+            self.matrices.append(matrix)
+
+    def at(self, stamp_ns: int) -> NDArray[np.float64] | None:
+        """Value at a stamp, interpolated, never extrapolated."""
+        if not self.moves:
+            return self.first
+        after = bisect_left(self.stamps, stamp_ns)
+        if after == len(self.stamps) or (after == 0 and self.stamps[0] != stamp_ns):
+            return None
+        if self.stamps[after] == stamp_ns:
+            return self.matrices[after]
+        before_ns = self.stamps[after - 1]
+        fraction = (stamp_ns - before_ns) / (self.stamps[after] - before_ns)
+        return se3.interpolate(self.matrices[after - 1], self.matrices[after], fraction)
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Drop what is needed at no stamp from this one on."""
+        unneeded = bisect_left(self.stamps, stamp_ns) - 1
+        if unneeded > 0:
+            del self.stamps[:unneeded], self.matrices[:unneeded]
+
+
+@final
+class TransformTree:
+    """Frames and the transforms between them, growing as messages arrive.
+
+    Static transforms, and others whose value never changes, hold at all times wherever they stand in the log. A
+    survey's tree keeps no history: it knows which edges move, and the values of those that do not.
+    """
+
+    def __init__(self, *, keep_history: bool = True) -> None:
+        self._keep_history = keep_history
+        self._edges: dict[str, _Edge] = {}
+        self._fixed: dict[tuple[str, str], NDArray[np.float64]] = {}  # looked up where nothing moves
+
+    def replayed(self) -> TransformTree:
+        """Tree for reading the log again: what never moves is known from the start, what moves is not known yet."""
+        tree = TransformTree()
+        for child, edge in self._edges.items():
+            tree._edges[child] = _Edge(edge.parent, edge.first)
+            tree._edges[child].moves = edge.moves
+        return tree
+
+    def add(self, transform: Transform) -> None:
+        """Take one transform in; a frame's latest parent counts, and so does a static transform's latest value."""
+        edge = self._edges.get(transform.child)
+        if edge is None or edge.parent != transform.parent or transform.static:
+            edge = self._edges[transform.child] = _Edge(transform.parent, transform.parent_from_child)
+            self._fixed.clear()
+        if not transform.static:
+            moved = edge.moves
+            edge.add(transform.stamp_ns, transform.parent_from_child, keep=self._keep_history)
+            if edge.moves is not moved:
+                self._fixed.clear()
+
+    @property
+    def frames(self) -> list[str]:
+        """Names of all frames, sorted."""
+        return sorted(set(self._edges) | {edge.parent for edge in self._edges.values()})
+
+    def parent(self, frame: str) -> str | None:
+        """Parent of a frame, None at a root."""
+        edge = self._edges.get(frame)
+        return edge.parent if edge else None
+
+    def moves(self, frame: str) -> bool:
+        """Whether the edge above a frame was seen to change."""
+        edge = self._edges.get(frame)
+        return edge is not None and edge.moves
+
+    def ancestors(self, frame: str) -> list[str]:
+        """The frame itself, its parent, and so on up to the root."""
+        chain = [frame]
+        while (parent := self.parent(chain[-1])) is not None and parent not in chain:
+            chain.append(parent)
+        return chain
+
+    def connected(self, a: str, b: str) -> bool:
+        """Whether a path joins two frames."""
+        return self.ancestors(a)[-1] == self.ancestors(b)[-1]
+
+    def lookup(self, a: str, b: str, stamp_ns: int) -> NDArray[np.float64] | None:
+        """``a_from_b`` (4, 4) at a stamp; None if nothing connects them, or a moving edge is not known then."""
+        found = self._fixed.get((a, b))
+        if found is None:
+            found = self._look_up(a, b, stamp_ns)
+            if found is not None and not self.moves_between(a, b):
+                found.flags.writeable = False
+                self._fixed[a, b] = found
+        return found
+
+    def _look_up(self, a: str, b: str, stamp_ns: int) -> NDArray[np.float64] | None:
+        up_a, up_b = self.ancestors(a), self.ancestors(b)
+        common = next((frame for frame in up_a if frame in up_b), None)
+        if common is None:
+            return None
+        common_from_b = self._chain(up_b[: up_b.index(common)], stamp_ns)
+        if common == a or common_from_b is None:
+            return common_from_b
+        common_from_a = self._chain(up_a[: up_a.index(common)], stamp_ns)
+        return None if common_from_a is None else se3.inverse(common_from_a) @ common_from_b
+
+    def moves_between(self, a: str, b: str) -> bool:
+        """Whether an edge on the path between two frames was seen to change."""
+        return any(self.moves(frame) for frame in set(self.ancestors(a)) ^ set(self.ancestors(b)))
+
+    def latest_common(self, a: str, b: str) -> int | None:
+        """Latest stamp at which every moving edge between two frames is known, None if there is none."""
+        moving = [self._edges[f] for f in set(self.ancestors(a)) ^ set(self.ancestors(b)) if self.moves(f)]
+        if not all(edge.stamps for edge in moving):
+            return None
+        return min((edge.stamps[-1] for edge in moving), default=None)
+
+    def forget_before(self, stamp_ns: int) -> None:
+        """Drop what no stamp from here on needs."""
+        for edge in self._edges.values():
+            edge.forget_before(stamp_ns)
+
+    def _chain(self, frames: list[str], stamp_ns: int) -> NDArray[np.float64] | None:
+        """Transform from the first frame up through the parents of all of them."""
+        result = None
+        for frame in frames:
+            matrix = self._edges[frame].at(stamp_ns)
+            if matrix is None:
+                return None
+            result = matrix if result is None else matrix @ result
+        return np.eye(4) if result is None else result

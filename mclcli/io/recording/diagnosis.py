@@ -1,0 +1,171 @@
+"""What is wrong with a log although its bytes are in order: gaps, jumps of time, stamps that are off, loose frames.
+
+Collected message by message beside the survey, for ``mcl info``.
+"""
+
+from __future__ import annotations
+
+import struct
+from array import array
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from mclcli.text import clean
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from numpy.typing import NDArray
+
+    from mclcli.geometry.frames import TransformTree
+    from mclcli.io.logs.base import Channel, RawMessage
+
+SECOND = 1_000_000_000
+GAP = 5.0
+"""A pause is a gap if it lasts over a second and so many times the topic's median interval."""
+TOLD = 3
+"""Gaps and jumps of a topic that are told one by one."""
+_TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Event:
+    """Something that happened at a time [ns]: a gap or jump of ``seconds``."""
+
+    at_ns: int
+    seconds: float
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Times:
+    """What the times of one topic say.
+
+    ``interval`` is the median of the times between messages [s], None below two. ``lag`` are median, least and greatest
+    of log time − header stamp [s], None where there are no stamps. ``zero_stamps`` counts headers that are not stamped.
+    """
+
+    interval: float | None
+    gaps: tuple[Event, ...]
+    jumps: tuple[Event, ...]
+    stamp_jumps: tuple[Event, ...]
+    lag: tuple[float, float, float] | None
+    zero_stamps: int
+
+
+@final
+@dataclass(slots=True)
+class _Topic:
+    """Times of one topic as they come; ``layout`` tells where the stamp of a message is, None where it has none."""
+
+    layout: struct.Struct | None
+    at: int
+    logged: array[int] = field(default_factory=lambda: array("q"))
+    stamped: array[int] = field(default_factory=lambda: array("q"))
+
+
+@final
+@dataclass(slots=True)
+class Diagnosis:
+    """Takes every message of a log in, and says at the end what is odd about their times."""
+
+    topics: dict[str, _Topic] = field(default_factory=dict)
+
+    def watch(self, messages: Iterable[RawMessage]) -> Iterator[RawMessage]:
+        """The messages themselves, each taken in on the way."""
+        for message in messages:
+            self.add(message)
+            yield message
+
+    def add(self, message: RawMessage) -> None:
+        """Take one message in."""
+        channel, log_ns, data, _ = message
+        topic = self.topics.get(channel.topic)
+        if topic is None:
+            topic = self.topics[channel.topic] = _Topic(*_layout(channel, data))
+        topic.logged.append(log_ns)
+        if topic.layout is not None and len(data) >= topic.at + 8:
+            seconds, rest = topic.layout.unpack_from(data, topic.at)
+            topic.stamped.append(seconds * SECOND + rest)
+
+    def times(self, name: str) -> Times:
+        """What the times of one topic say."""
+        topic = self.topics[name]
+        logged, stamped = np.array(topic.logged), np.array(topic.stamped)
+        steps = np.diff(logged)
+        interval = float(np.median(steps)) / SECOND if steps.size else None
+        long = (steps > SECOND) & (steps > GAP * SECOND * (interval or 0.0))
+        lags = (logged - stamped)[stamped != 0] if stamped.size == logged.size else np.array([], np.int64)
+        lag = (float(np.median(lags)), float(lags.min()), float(lags.max())) if lags.size else None
+        return Times(
+            interval,
+            _events(logged, steps, long),
+            _events(logged, steps, steps < -SECOND),
+            _jumps(stamped[stamped != 0]),
+            None if lag is None else (lag[0] / SECOND, lag[1] / SECOND, lag[2] / SECOND),
+            int((stamped == 0).sum()),
+        )
+
+    def problems(self, origin_ns: int) -> list[str]:
+        """One line for each thing that is odd, times in seconds after ``origin_ns``."""
+        return [
+            f"{clean(name)}: {what}" for name in sorted(self.topics) for what in _oddities(self.times(name), origin_ns)
+        ]
+
+
+def loose_frames(tree: TransformTree) -> list[str]:
+    """A line for frames that nothing connects, none if all hang together."""
+    roots = sorted({tree.ancestors(frame)[-1] for frame in tree.frames})
+    if len(roots) < 2:
+        return []
+    return [f"frames: {len(roots)} trees that nothing connects, with roots {', '.join(map(clean, roots))}"]
+
+
+def _layout(channel: Channel, data: bytes) -> tuple[struct.Struct | None, int]:
+    """Form and place of the first stamp in the messages of a channel, from its type and its first message."""
+    from mclcli.io.messages.definitions import begins_with_header
+
+    array_first = channel.type in _TRANSFORMS
+    if channel.topic.endswith("tf_static"):  # holds at all times: its stamps say nothing
+        return None, 0
+    if not array_first and not begins_with_header(channel):
+        return None, 0
+    if channel.encoding == "ros1":  # a count of transforms, then seq, then the stamp
+        return struct.Struct("<II"), 8 if array_first else 4
+    order = "<" if data[1:2] == b"\1" else ">"
+    return struct.Struct(f"{order}iI"), 8 if array_first else 4
+
+
+def _events(times: NDArray[np.int64], steps: NDArray[np.int64], which: NDArray[np.bool_]) -> tuple[Event, ...]:
+    return tuple(Event(int(times[i]), abs(int(steps[i])) / SECOND) for i in np.flatnonzero(which))
+
+
+def _jumps(stamps: NDArray[np.int64]) -> tuple[Event, ...]:
+    steps = np.diff(stamps)
+    return _events(stamps, steps, steps < -SECOND)
+
+
+def _oddities(times: Times, origin_ns: int) -> Iterator[str]:
+    """What is odd about one topic."""
+    yield from _told("gap of", "more gaps over 1 s", times.gaps, origin_ns)
+    yield from _told("log time jumps back by", "more such jumps", times.jumps, origin_ns)
+    if not times.jumps:
+        yield from _told("stamps jump back by", "more such jumps", times.stamp_jumps, origin_ns)
+    if times.zero_stamps:
+        yield f"{times.zero_stamps} messages are not stamped (0)"
+    if times.lag is not None:
+        middle, least, greatest = times.lag
+        if abs(middle) > 1.0:
+            yield f"stamps are {abs(middle):.1f} s {'before' if middle > 0 else 'after'} log time (median)"
+        elif greatest - least > 1.0:
+            yield f"stamps are between {-greatest:+.1f} s and {-least:+.1f} s of log time"
+
+
+def _told(what: str, more: str, events: tuple[Event, ...], origin_ns: int) -> Iterator[str]:
+    for event in sorted(events, key=lambda event: -event.seconds)[:TOLD]:
+        yield f"{what} {event.seconds:.1f} s at {(event.at_ns - origin_ns) / SECOND:.1f} s"
+    if len(events) > TOLD:
+        yield f"{len(events) - TOLD} {more}"

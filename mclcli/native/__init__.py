@@ -1,0 +1,1 @@
+"""NumPy or compiled code: the choice, the machine code and where it is kept, the gates that arrays pass."""

@@ -1,0 +1,152 @@
+"""Compiled kernels as files: written once with the compiler at hand, called later without importing it.
+
+Importing numba takes longer than most jobs of the compiled loops. A kernel needs nothing of it at run time: its machine
+code is linked by LLVM, and called through a gate that takes NumPy arrays (``mclcli.native.array_gate``). A file is a
+magic line, one line of JSON (names, symbols and arguments of the functions, SHA-256 of the payload) and the payload:
+object code.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import hashlib
+import json
+import os
+from dataclasses import asdict, dataclass
+from functools import partial
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+from mclcli import cache
+from mclcli.native import array_gate
+from mclcli.native.array_gate import Argument
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+_MAGIC = b"mcl machine code\n"
+_MAX_HEADER = 1 << 20
+_SCALARS = {"float64": ctypes.c_double, "int64": ctypes.c_int64, "bool": ctypes.c_uint8}
+_DONE = (0, -2)  # numba's return codes for a value and for None
+_ENGINES: list[object] = []  # what owns the code must outlive it
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Function:
+    """One signature of a kernel: its name, its symbol within the object code, what it takes, and its gate's code."""
+
+    name: str
+    symbol: str
+    arguments: tuple[Argument, ...]
+    code: bytes
+    gate: bytes
+
+
+def write(path: Path, functions: Sequence[Function]) -> None:
+    """Keep functions in a file of the user's own, moved into place whole.
+
+    Raises
+    ------
+    OSError
+        If the folder cannot be written.
+
+    """
+    payload = b"".join(function.code + function.gate for function in functions)
+    described = [asdict(f) | {"code": len(f.code), "gate": len(f.gate)} for f in functions]
+    header = json.dumps({"sha256": hashlib.sha256(payload).hexdigest(), "functions": described})
+    cache.write_whole(path, [_MAGIC, header.encode(), b"\n", payload])
+
+
+def read(path: Path) -> list[Function] | None:
+    """Functions of a file; None if there is none, it is not ours, or it is not as it was written."""
+    try:
+        with path.open("rb") as file:
+            if not cache.is_ours(os.fstat(file.fileno())) or file.readline(len(_MAGIC)) != _MAGIC:
+                return None
+            header = json.loads(file.readline(_MAX_HEADER))
+            payload = file.read()
+        if header["sha256"] != hashlib.sha256(payload).hexdigest():
+            return None
+        return _split(header["functions"], payload)
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        return None
+
+
+def _split(described: Sequence[dict[str, Any]], payload: bytes) -> list[Function]:
+    functions, start = [], 0
+    for entry in described:
+        arguments = tuple(Argument(**argument) for argument in entry["arguments"])
+        between = start + entry["code"]
+        end = between + entry["gate"]
+        code, gate = payload[start:between], payload[between:end]
+        functions.append(Function(entry["name"], entry["symbol"], arguments, code, gate))
+        start = end
+    return functions
+
+
+def link(functions: Sequence[Function]) -> SimpleNamespace:
+    """Callables by name. Each takes arrays and scalars as its kernel does, and fills the arrays.
+
+    A call with other types, shapes in another order, or a read-only array to write to raises TypeError.
+    """
+    import llvmlite.binding as llvm
+
+    with contextlib.suppress(RuntimeError):  # needed up to llvmlite 0.44, refused from then on
+        llvm.initialize()
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    if llvm.address_of_symbol("NRT_MemInfo_call_dtor") is None:  # named by all code, reached by none: nobody allocates
+        llvm.add_symbol("NRT_MemInfo_call_dtor", _address(ctypes.pythonapi.Py_IncRef))
+    overloads: dict[str, list[_Entry]] = {}
+    for function in functions:
+        machine = llvm.Target.from_default_triple().create_target_machine()
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+        for code in (function.code, function.gate):
+            engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        engine.finalize_object()
+        _ENGINES.append(engine)
+        kernel, gate = (engine.get_function_address(symbol) for symbol in (function.symbol, array_gate.SYMBOL))
+        entry = _Entry(partial(_prototype(function)(gate), kernel, id(np.ndarray)), len(function.arguments))
+        overloads.setdefault(function.name, []).append(entry)
+    return SimpleNamespace(**{name: _callable(name, entries) for name, entries in overloads.items()})
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class _Entry:
+    """A kernel behind its gate, and how many arguments it takes."""
+
+    call: Callable[..., int]
+    count: int
+
+
+def _address(function: object) -> int:
+    return ctypes.cast(function, ctypes.c_void_p).value or 0  # type: ignore[arg-type]
+
+
+def _prototype(function: Function) -> Callable[[int], Callable[..., int]]:
+    """The C type of a function's gate, which releases the interpreter's lock while it runs."""
+    takes: list[Any] = [ctypes.py_object if a.dimensions >= 0 else _SCALARS[a.type] for a in function.arguments]
+    return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64, ctypes.c_int64, *takes)
+
+
+def _callable(name: str, overloads: Sequence[_Entry]) -> Callable[..., None]:
+    calls, count = [entry.call for entry in overloads], overloads[0].count
+
+    def call(*arguments: Any) -> None:  # noqa: ANN401
+        if len(arguments) != count:  # C would not notice
+            raise TypeError(f"{name}: expected {count} arguments, got {len(arguments)}")
+        for overload in calls:
+            code = overload(*arguments)
+            if code in _DONE:
+                return
+            if code != array_gate.REFUSED:
+                raise RuntimeError(f"{name}: the kernel failed")
+        raise TypeError(f"{name}: expected other types, or aligned arrays in C order, writable where it writes")
+
+    return call

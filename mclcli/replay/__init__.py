@@ -1,0 +1,1 @@
+"""A recorded log through the filter: events in, track points out; what a notebook calls."""

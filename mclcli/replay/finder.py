@@ -1,0 +1,228 @@
+"""Finding a robot that may be anywhere: readings and settings put together into a search, also for the filter."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from mclcli.filter import particles, temperature
+from mclcli.filter.start import Patience
+from mclcli.geometry import se2, se3
+from mclcli.records import LandmarkSightings, LaserScan
+from mclcli.search import lattice, locating, scene, window
+from mclcli.search.scene import Scene, View
+from mclcli.sensors import beams, bearing
+from mclcli.sensors.beam import BeamModel
+from mclcli.sensors.beam_forms import BeamParameters
+from mclcli.sensors.bearing import BearingModel
+from mclcli.world.raycast import make_caster
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from mclcli.filter.recovery import Situation
+    from mclcli.filter.start import Opening
+    from mclcli.search.locating import Location
+    from mclcli.sensors.beams import Beams, BeamSelection
+    from mclcli.sensors.likelihood_field import LikelihoodField
+    from mclcli.sensors.observation import Observation
+    from mclcli.settings.profiles import Settings
+    from mclcli.world.distance_field import DistanceField
+    from mclcli.world.landmarks import Landmarks
+    from mclcli.world.occupancy import OccupancyGrid
+    from mclcli.world.pyramid import Pyramid
+
+    MakePyramid = Callable[[DistanceField], Pyramid]
+
+_WHITE = 0.04  # nats²
+_MODES = 16  # places that particles are shared among
+_SURE = 0.9  # share of the best place from which on a start needs to see no more
+_PATIENCE = 12  # chosen scans after which a start begins, sure or not
+_LEAST_SPREAD = np.square([0.05, 0.05, math.radians(1.0)])  # particles closer together would be one
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """Where to search: a box x0, y0, x1, y1 [m], a disc x, y, r [m], and a yaw [rad] with how far from it; in map."""
+
+    region: tuple[float, float, float, float] | None = None
+    disc: tuple[float, float, float] | None = None
+    about: tuple[float, float] = (0.0, math.pi)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Finder:
+    """A map made ready and how readings are used; ``alpha`` is a temperature, or ``auto``."""
+
+    scene: Scene
+    settings: Settings
+    landmarks: Landmarks | None = None
+    alpha: float | str = temperature.AUTO
+
+    def find(self, observations: Sequence[Observation], k: int) -> Location | None:
+        """The k most probable places of the base at the last observation; None if it can be nowhere, or saw nothing."""
+        view = self.view(observations)
+        if view is None:
+            return None
+        return locating.locate(self.scene, view, self.settings.search, k, self._temper)
+
+    def view(self, observations: Sequence[Observation]) -> View | None:
+        """What was seen, from the base at the last observation; None without a laser scan."""
+        now = observations[-1].odom_from_base
+        scans = self._chosen([o for o in observations if isinstance(o.reading, LaserScan)])
+        if not scans:
+            return None
+        selection = self._selection(len(scans))
+        rays = dataclasses.replace(selection, max_range="no_return", beam_origin="sensor")
+        return View(
+            _joined(scans, now, selection),
+            _joined(scans, now, rays),
+            tuple(self._bearings(o, now) for o in observations if isinstance(o.reading, LandmarkSightings)),
+            BearingModel(self.settings.bearing),
+            tuple(_joined(scans[-few:], now, self._selection(few)) for few in window.halves(len(scans))),
+        )
+
+    def _selection(self, scans: int) -> BeamSelection:
+        """Beams of each of so many scans."""
+        p = self.settings.search
+        each = p.locate_beams if scans == 1 else min(p.locate_beams, max(2, p.window_beams // scans))
+        return dataclasses.replace(self.settings.beams, max_beams=each)
+
+    def _chosen(self, scans: list[Observation]) -> list[Observation]:
+        """Scans of every lidar, spread along the way, in order of time."""
+        topics = list(dict.fromkeys(o.topic for o in scans))
+        chosen: list[Observation] = []
+        for topic in topics:
+            own = [o for o in scans if o.topic == topic]
+            odometry = np.array([o.odom_from_base for o in own])
+            chosen += [
+                own[i] for i in window.spread(odometry, max(1, self.settings.search.window_scans // len(topics)))
+            ]
+        return sorted(chosen, key=lambda o: o.reading.stamp_ns)
+
+    def _bearings(self, observation: Observation, now: NDArray[np.float64]) -> bearing.Bearings:
+        assert self.landmarks is not None  # noqa: S101 - without landmarks no camera takes part
+        assert isinstance(observation.reading, LandmarkSightings)  # noqa: S101 - see view()
+        then = se2.between(now, observation.odom_from_base)
+        return bearing.observe(
+            observation.reading, se3.from_planar(then) @ observation.base_from_sensor, self.landmarks
+        )
+
+    def _temper(self, each: NDArray[np.float64]) -> float:
+        """α for beams with these log p (B,): from their correlation, or as it was given.
+
+        Where all beams fit, what is left of log p is rounding, whose correlation means nothing: white noise is added.
+        """
+        if self.alpha != temperature.AUTO:
+            return float(self.alpha)
+        found = temperature.correlate(each)
+        white = np.zeros_like(found.covariances)
+        white[0] = _WHITE
+        return dataclasses.replace(found, covariances=found.covariances + white).alpha
+
+
+def _joined(scans: Sequence[Observation], now: NDArray[np.float64], selection: BeamSelection) -> Beams:
+    """Beams of scans as of one, seen from where the base is now."""
+    parts = []
+    for scan in scans:
+        assert isinstance(scan.reading, LaserScan)  # noqa: S101 - see Finder.view
+        chosen = beams.select(scan.reading, scan.base_from_sensor, selection)
+        parts.append((chosen, se2.between(now, scan.odom_from_base)))
+    return window.join(parts)
+
+
+def make_finder(
+    grid: OccupancyGrid,
+    model: LikelihoodField,
+    settings: Settings,
+    make_pyramid: MakePyramid,
+    *,
+    limits: Limits | None = None,
+    landmarks: Landmarks | None = None,
+    alpha: float | str = temperature.AUTO,
+) -> Finder:
+    """Make a map ready for searches: ``model`` is its likelihood field."""
+    limits = limits or Limits()
+    model = scene.for_search(model)
+    rays = BeamModel(make_caster(grid, ray_unknown=settings.beam.ray_unknown), _censored(settings))
+    allowed = scene.allowed_cells(grid, settings.search.base_cells, limits.region, limits.disc)
+    ready = Scene(
+        model,
+        make_pyramid(model.field),
+        rays,
+        lattice.count_places(allowed),
+        scene.count_known(grid, model),
+        limits.about,
+    )
+    return Finder(ready, settings, landmarks, alpha)
+
+
+def _censored(settings: Settings) -> BeamParameters:
+    """The beam model that looks at the foremost places: the one asked for if it is a density, else the default."""
+    if settings.model == "beam" and settings.beam.beam_form == "textbook":
+        return dataclasses.replace(settings.beam, no_return="censored")
+    return BeamParameters(no_return="censored")
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundOnMap:
+    """Start where the first readings are found on the map; more of them are waited for while they leave doubt.
+
+    Each place gets particles by its share; what is left to chance is spread over the map.
+    """
+
+    finder: Finder
+    grid: OccupancyGrid
+
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64] | Patience:
+        """Poses (n, 3) at ``opening.stamp_ns``."""
+        odometry = np.array([o.odom_from_base for o in opening.observations])
+        scans = window.spread(odometry, _PATIENCE)
+        last = opening.complete or scans.size >= _PATIENCE
+        if not last and len(odometry) > 1 and scans.size == window.spread(odometry[:-1], _PATIENCE).size:
+            return Patience.HOLD  # it has seen nothing new
+        location = self.finder.find(opening.observations, _MODES)
+        if not last and (location is None or location.modes[0].share < _SURE):
+            return Patience.HOLD
+        first_from_last = se2.between(odometry[-1], odometry[0])
+        return _drawn(location, self.grid, n, rng, first_from_last)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class FoundAgain:
+    """Proposal for a lost robot: where the readings of the update are found on the map."""
+
+    finder: Finder
+    grid: OccupancyGrid
+
+    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+        """Poses (n, 3) at the update's stamp."""
+        location = self.finder.find(situation.observations, _MODES) if situation.observations else None
+        return _drawn(location, self.grid, n, rng, np.zeros(3))
+
+
+def _drawn(
+    location: Location | None, grid: OccupancyGrid, n: int, rng: np.random.Generator, then: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Poses (n, 3): by their shares around the places, each moved by ``then`` (3,), the others anywhere on the map."""
+    if location is None:
+        return particles.uniform(grid, n, rng)
+    shares = np.array([mode.share for mode in location.modes])
+    placed = min(n, round(n * float(shares.sum())))
+    poses = np.array([mode.pose for mode in location.modes])
+    spreads = np.array([mode.covariance for mode in location.modes]) + np.diag(_LEAST_SPREAD)
+    edges = np.round(placed * np.cumsum(shares) / shares.sum()).astype(int)
+    counts = np.diff(edges, prepend=0)
+    parts = [particles.gaussian(p, c, k, rng) for p, c, k in zip(poses, spreads, counts.tolist(), strict=True)]
+    around = se2.compose(np.concatenate(parts), then)
+    return np.concatenate([around, particles.uniform(grid, n - placed, rng)])

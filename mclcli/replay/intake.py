@@ -1,0 +1,320 @@
+"""Messages in, readings out when their time has come: what waits for odometry, what cannot be used, and why.
+
+A log's time may jump back, where a recording was started again: then a new segment begins, with odometry and moving
+transforms of its own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import heapq
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple, final
+
+from mclcli.geometry import se2, se3
+from mclcli.motion.odometry import OdometryParameters, OdometryPath
+from mclcli.records import LandmarkSightings, LaserScan, Odometry, StampedPose, Transform
+from mclcli.sensors.observation import Observation
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping, Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from mclcli.filter.localizer import Localizer
+    from mclcli.filter.recovery import Proposal
+    from mclcli.filter.start import Start
+    from mclcli.geometry.frames import TransformTree
+    from mclcli.records import StepRecord
+    from mclcli.sensors import Measurement
+    from mclcli.sensors.instruments import Instrument, Reading
+
+_GAP_NS = 1_000_000_000
+_JUMP_NS = 1_000_000_000  # time going back so far is a new segment; less is disorder
+_KEEP_NS = 2_000_000_000  # odometry older than this before the last reading is forgotten
+_ALWAYS = (-(2**63), 2**63 - 1)
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Setup:
+    """What takes part in a replay.
+
+    ``instruments`` by topic; the first one's readings trigger updates. ``odometry`` is a topic, or ``tf``. ``mounts``
+    (4, 4) by frame overrule the log's transforms; ``frames`` are those known before the first message. ``window_ns``
+    bounds the stamps of the readings used. ``transform_topics`` are needed to know the odometry or a moving mount.
+    ``follow`` is a topic of poses that an operator states, or empty. ``scan_offset_ns`` is added to the stamps of laser
+    scans. With ``deskew`` each beam is scored from where the base was at its own time. ``proposal`` says where a robot
+    that seems lost may be; without it no particle is drawn anew.
+    """
+
+    localizer: Localizer
+    instruments: Mapping[str, Instrument]
+    start: Start
+    odometry: str
+    odom_frame: str
+    base_frame: str
+    frames: TransformTree
+    mounts: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    window_ns: tuple[int, int] = _ALWAYS
+    transform_topics: tuple[str, ...] = ()
+    follow: str = ""
+    scan_offset_ns: int = 0
+    deskew: bool = False
+    odometry_limits: OdometryParameters = field(default_factory=OdometryParameters)
+    proposal: Proposal | None = None
+
+    @property
+    def topics(self) -> set[str]:
+        """Topics whose messages the replay needs."""
+        return {*self.instruments, self.odometry, *self.transform_topics, self.follow} - {"tf", ""}
+
+    def until_ns(self, reading: Reading) -> int:
+        """Stamp of the last thing that is scored of a reading: with ``deskew`` of a scan's last beam."""
+        if not self.deskew or not isinstance(reading, LaserScan):
+            return reading.stamp_ns
+        return reading.stamp_ns + max(0, round((reading.ranges.size - 1) * reading.time_increment * 1e9))
+
+
+@final
+@dataclass(slots=True)
+class ReplayTally:
+    """What became of the readings (by topic) and of the odometry, and what was scored (by sensor)."""
+
+    used: Counter[str] = field(default_factory=Counter)
+    skipped: Counter[tuple[str, str]] = field(default_factory=Counter)
+    updates: int = 0
+    degenerate: int = 0
+    injected: int = 0
+    restarts: int = 0
+    segments: int = 1
+    distance: float = 0.0
+    odometry_gaps: int = 0
+    odometry_jumps: int = 0
+    longest_gap_ns: int = 0
+    scored: Counter[str] = field(default_factory=Counter)
+    unknown: Counter[str] = field(default_factory=Counter)
+    independent: dict[str, float] = field(default_factory=dict)
+    unreliable: int = 0
+    doubtful_ns: list[tuple[int, int]] = field(default_factory=list)
+    _doubting: bool = False
+
+    def take_update(self, record: StepRecord, measurements: Sequence[Measurement]) -> None:
+        """Count one update: by sensor the beams or sightings scored, those of unknown ids, and Σ α·K."""
+        self.updates += 1
+        self.degenerate += record.degenerate
+        self.injected += record.injected
+        for measurement, alpha in zip(measurements, record.alphas, strict=True):
+            name = measurement.sensor
+            self.scored[name] += measurement.count
+            self.unknown[name] += measurement.unknown
+            self.independent[name] = self.independent.get(name, 0.0) + alpha * measurement.count
+
+    def judge(self, record: StepRecord, *, lost: bool) -> None:
+        """Count an update at which the robot is probably lost; ``doubtful_ns`` are the spans of such updates."""
+        if not lost:
+            self._doubting = False
+            return
+        self.unreliable += 1
+        if self._doubting:
+            self.doubtful_ns[-1] = (self.doubtful_ns[-1][0], record.stamp_ns)
+        else:
+            self.doubtful_ns.append((record.stamp_ns, record.stamp_ns))
+        self._doubting = True
+
+
+class Item(NamedTuple):
+    """Something that waited for odometry to pass it: a reading, or a pose that an operator stated."""
+
+    stamp_ns: int
+    rank: int
+    arrival: int
+    topic: str
+    record: Reading | StampedPose
+    until_ns: int
+
+
+@final
+class Intake:
+    """One pass over a log. ``path`` and ``segment`` are those of the newest messages."""
+
+    def __init__(self, setup: Setup, tally: ReplayTally) -> None:
+        self.path = OdometryPath(setup.odometry_limits)
+        self.segment = 0
+        self._setup = setup
+        self._tally = tally
+        self._tree = setup.frames.replayed()
+        self._first_odometry_ns: int | None = None
+        self._used_until_ns = _ALWAYS[0]
+        self._waiting: list[Item] = []
+        self._arrivals = 0
+        self._ranks = {topic: rank for rank, topic in enumerate(setup.instruments)}
+        self._next_segment: list[tuple[str, Reading | StampedPose]] = []
+
+    @property
+    def finished(self) -> bool:
+        """Whether odometry has passed the end of the window and nothing waits."""
+        return not self._waiting and self.path.ends_after(self._setup.window_ns[1])
+
+    def triggers(self, topic: str) -> bool:
+        """Whether a topic's readings make updates."""
+        return self._ranks.get(topic) == 0
+
+    def take(self, topic: str, record: object) -> None:
+        """Sort one message in."""
+        if isinstance(record, tuple):
+            self._take_transforms(record)
+        elif isinstance(record, Odometry):
+            if topic == self._setup.odometry:
+                self._take_odometry(record)
+        elif isinstance(record, _READINGS) and topic in self._ranks:
+            self._take_reading(topic, self._shifted(record))
+        elif isinstance(record, StampedPose) and topic == self._setup.follow:
+            self._take_reading(topic, record)
+
+    def ready(self) -> Iterator[Observation | StampedPose]:
+        """What odometry has passed, in the order of stamps; what cannot be used is counted."""
+        while self._waiting and self.path.ends_after(self._waiting[0].until_ns - 1):
+            item = heapq.heappop(self._waiting)
+            usable = self._examine(item)
+            if isinstance(usable, str):
+                self._tally.skipped[item.topic, usable] += 1
+            else:
+                yield usable
+
+    def close(self) -> None:
+        """Count what was left waiting for odometry that never came."""
+        last_ns = self._setup.window_ns[1]
+        for item in self._waiting:
+            outside = item.stamp_ns > last_ns
+            why = "outside --start and --duration" if outside else "after the odometry's end"
+            self._tally.skipped[item.topic, why] += 1
+        self._waiting.clear()
+        self._give_up_next_segment()
+
+    def forget(self, stamp_ns: int) -> None:
+        """Let go of what no reading after this trigger needs, unless it comes more than 2 s late."""
+        self._used_until_ns = stamp_ns
+        self.path.forget_before(stamp_ns - _KEEP_NS)
+        self._tree.forget_before(stamp_ns - _KEEP_NS)
+
+    def _mount(self, reading: Reading) -> NDArray[np.float64] | None:
+        """``base_from_sensor`` (4, 4) at the reading's stamp."""
+        given = self._setup.mounts.get(reading.frame_id, self._setup.mounts.get(""))
+        if given is not None:
+            return given
+        return self._tree.lookup(self._setup.base_frame, reading.frame_id, reading.stamp_ns)
+
+    def _take_transforms(self, transforms: tuple[Transform, ...]) -> None:
+        follows = self._setup.odometry == "tf"
+        odom, base = self._setup.odom_frame, self._setup.base_frame
+        if follows and any(self._goes_back(t.stamp_ns) for t in transforms if self._carries_odometry(t)):
+            self._begin_segment()
+        for transform in transforms:
+            self._tree.add(transform)
+        stamp_ns = self._tree.latest_common(odom, base) if follows else None
+        if stamp_ns is not None:
+            matrix = self._tree.lookup(odom, base, stamp_ns)
+            if matrix is not None:
+                self._append(stamp_ns, se3.to_planar(matrix))
+
+    def _carries_odometry(self, transform: Transform) -> bool:
+        """Whether a transform is a moving edge between odometry's frame and the base."""
+        chain = self._tree.ancestors(self._setup.base_frame)
+        within = chain[: chain.index(self._setup.odom_frame)] if self._setup.odom_frame in chain else []
+        return not transform.static and transform.child in within
+
+    def _take_odometry(self, record: Odometry) -> None:
+        if self._goes_back(record.stamp_ns):
+            self._begin_segment()
+        pose = record.pose
+        child = record.child_frame_id
+        if child and child != self._setup.base_frame:
+            child_from_base = self._tree.lookup(child, self._setup.base_frame, record.stamp_ns)
+            if child_from_base is not None:
+                pose = se2.compose(pose, se3.to_planar(child_from_base))
+        self._append(record.stamp_ns, pose)
+
+    def _goes_back(self, stamp_ns: int) -> bool:
+        return self.path.last_ns is not None and stamp_ns < self.path.last_ns - _JUMP_NS
+
+    def _begin_segment(self) -> None:
+        """Leave the old time behind: what still waits in it has no odometry to come."""
+        ahead, self._next_segment = self._next_segment, []
+        self.close()
+        self.path = OdometryPath(self._setup.odometry_limits)
+        self._tree = self._setup.frames.replayed()
+        self._first_odometry_ns, self._used_until_ns = None, _ALWAYS[0]
+        self.segment += 1
+        self._tally.segments += 1
+        for topic, record in ahead:
+            self._push(topic, record)
+
+    def _append(self, stamp_ns: int, pose: NDArray[np.float64]) -> None:
+        last_ns, jumps = self.path.last_ns, self.path.jumps
+        if not self.path.append(stamp_ns, pose):
+            return
+        self._tally.odometry_jumps += self.path.jumps - jumps
+        self._first_odometry_ns = stamp_ns if self._first_odometry_ns is None else self._first_odometry_ns
+        if last_ns is not None and stamp_ns - last_ns > _GAP_NS:
+            self._tally.odometry_gaps += 1
+            self._tally.longest_gap_ns = max(self._tally.longest_gap_ns, stamp_ns - last_ns)
+
+    def _shifted(self, reading: Reading) -> Reading:
+        if not isinstance(reading, LaserScan) or not self._setup.scan_offset_ns:
+            return reading
+        return dataclasses.replace(reading, stamp_ns=reading.stamp_ns + self._setup.scan_offset_ns)
+
+    def _take_reading(self, topic: str, record: Reading | StampedPose) -> None:
+        """Let a reading wait; one from before the last used one waits for odometry to jump back after it."""
+        if record.stamp_ns < self._used_until_ns - _JUMP_NS:
+            self._next_segment.append((topic, record))
+            return
+        self._give_up_next_segment()
+        self._push(topic, record)
+
+    def _give_up_next_segment(self) -> None:
+        for topic, _ in self._next_segment:
+            self._tally.skipped[topic, _TOO_OLD] += 1
+        self._next_segment.clear()
+
+    def _push(self, topic: str, record: Reading | StampedPose) -> None:
+        self._arrivals += 1
+        rank = self._ranks.get(topic, -1)  # a stated pose comes before readings of its stamp
+        until_ns = record.stamp_ns if isinstance(record, StampedPose) else self._setup.until_ns(record)
+        heapq.heappush(self._waiting, Item(record.stamp_ns, rank, self._arrivals, topic, record, until_ns))
+
+    def _examine(self, item: Item) -> Observation | StampedPose | str:
+        """What is made of something that waited, or why it is not used."""
+        problem, record = self._problem(item), item.record
+        if problem:
+            return problem
+        if isinstance(record, StampedPose):
+            return record
+        mount = self._mount(record)
+        if mount is None:
+            return f"no transform from '{self._setup.base_frame}' to '{record.frame_id}' at its stamp"
+        problem = self._setup.instruments[item.topic].problem(record)
+        return problem or Observation(item.topic, record, self.path.at(item.stamp_ns), mount)
+
+    def _problem(self, item: Item) -> str:
+        """Why something cannot be used at its stamp, empty if it can."""
+        first_ns, last_ns = self._setup.window_ns
+        if not first_ns <= item.stamp_ns <= last_ns:
+            return "outside --start and --duration"
+        record = item.record
+        if isinstance(record, StampedPose):
+            own = {self._setup.odom_frame, self._setup.base_frame}
+            return f"stated in frame '{record.frame_id}', not in the map's" if record.frame_id in own else ""
+        if self._first_odometry_ns is None or item.stamp_ns < self._first_odometry_ns:
+            return "before the odometry's start"
+        too_late = item.rank == 0 and item.stamp_ns <= self._used_until_ns
+        if too_late or not self.path.covers(item.stamp_ns):
+            return _TOO_OLD
+        return ""
+
+
+_READINGS = (LaserScan, LandmarkSightings)  # told once: a union written where it is asked for is made every time
+_TOO_OLD = "stamp older than readings already used"

@@ -1,0 +1,1 @@
+"""Every parameter in one table, by profile; and the robots' own files of parameters."""

@@ -1,0 +1,71 @@
+"""The search in the filter: where particles start, and where they are drawn anew."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from mclcli import rng
+from mclcli.filter.recovery import Situation
+from mclcli.filter.start import Opening, Patience
+from mclcli.geometry import se2
+from mclcli.motion.odometry import OdometryPath
+from mclcli.records import Estimate, StepRecord
+from mclcli.replay.finder import FoundAgain, FoundOnMap
+from tests.search.scenes import finder_for, hall, seen_from
+
+TRUE = (1.3, 1.1, 0.7)
+
+
+def draws() -> np.random.Generator:
+    return rng.stream(0, rng.Purpose.INITIALISE)
+
+
+def near(poses: np.ndarray, true: tuple[float, float, float]) -> np.ndarray:
+    """Which poses are within 0.3 m and 10° of the truth."""
+    off = se2.between(np.array(true), poses)
+    return np.asarray((np.hypot(off[:, 0], off[:, 1]) < 0.3) & (np.abs(off[:, 2]) < math.radians(10.0)))
+
+
+def test_one_clear_scan_is_enough_to_start_from() -> None:
+    grid = hall()
+    seen = tuple(seen_from(grid, TRUE))
+    placed = FoundOnMap(finder_for(grid), grid).place(Opening(0, OdometryPath(), seen), 500, draws())
+    assert isinstance(placed, np.ndarray)
+    assert placed.shape == (500, 3)
+    assert near(placed, TRUE).mean() > 0.9
+    again = FoundOnMap(finder_for(grid), grid).place(Opening(0, OdometryPath(), seen), 500, draws())
+    np.testing.assert_array_equal(placed, again)
+
+
+def test_a_start_in_doubt_waits_and_then_shares_the_particles_out() -> None:
+    grid = hall(twin=True)
+    start = FoundOnMap(finder_for(grid), grid)
+    path = [(TRUE[0], TRUE[1], TRUE[2] + 0.4 * i) for i in range(3)]
+    seen = tuple(seen_from(grid, *path))
+    assert start.place(Opening(0, OdometryPath(), seen[:1]), 400, draws()) is Patience.HOLD
+    assert start.place(Opening(0, OdometryPath(), (seen[0], seen[0])), 400, draws()) is Patience.HOLD
+    placed = start.place(Opening(0, OdometryPath(), seen, complete=True), 400, draws())
+    assert isinstance(placed, np.ndarray)
+    twin = (TRUE[0] + 6.0, TRUE[1], TRUE[2])
+    shares = near(placed, TRUE).mean(), near(placed, twin).mean()  # at the first of the scans, not at the last
+    assert min(shares) > 0.15
+    assert sum(shares) > 0.5
+
+
+def test_a_lost_robot_is_proposed_where_its_scan_fits() -> None:
+    grid = hall()
+    seen = tuple(seen_from(grid, TRUE))
+    nothing = np.zeros((1, 3))
+    record = StepRecord(
+        step=3, stamp_ns=0, poses=nothing, sensors=("lidar",), alphas=(1.0,), log_likelihoods=np.zeros((1, 1)),
+        log_weights=np.zeros(1), weights=np.ones(1), ess=1.0, log_evidence=0.0, resampled=True, degenerate=False,
+        beams_used=1, estimate=Estimate(nothing[0], np.zeros((3, 3))), segment=0, converged=False, reliability=0.0,
+    )  # fmt: skip
+    proposal = FoundAgain(finder_for(grid), grid)
+    drawn = proposal(Situation(record, seen, seen[0].odom_from_base, OdometryPath()), 200, draws())
+    assert near(drawn, TRUE).mean() > 0.9
+    blind = proposal(Situation(record, (), seen[0].odom_from_base, OdometryPath()), 200, draws())
+    assert blind.shape == (200, 3)
+    assert near(blind, TRUE).mean() < 0.2
