@@ -21,7 +21,7 @@ from mclcli.io.traces.cdr import CdrWriter
 from mclcli.world.raycast import make_caster
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 MAP = Path(__file__).resolve().parents[1] / "maps/office.yaml"
 CENTRE, RADIUS = (-7.4, 1.2), 0.4
@@ -38,7 +38,7 @@ _STAMP_AT = {"/scan": 4, "/odom": 4, "/tf": 8}  # bytes of CDR before the stamp
 _SCAN_LATE_NS = 1_000_000  # a scan's stamp is this much before that of its odometry
 
 
-def pose_at(index: int) -> NDArray[np.float64]:
+def pose_at(index: int) -> FloatArray:
     """Pose (3,) of the base in map at a scan."""
     angle = 2.0 * math.pi * (index % ROUND) / ROUND
     yaw = math.remainder(angle + math.pi / 2, 2.0 * math.pi)
@@ -53,7 +53,7 @@ def _started(frame: str) -> CdrWriter:
     return message
 
 
-def _scan(ranges: NDArray[np.float64], increment: float) -> bytes:
+def _scan(ranges: FloatArray, increment: float) -> bytes:
     message = _started("base_link")
     message.f32(-math.pi, math.pi - increment, increment, 0.0, 0.025, 0.1, 12.0)
     message.sequence(ranges.astype(np.float32))
@@ -61,11 +61,11 @@ def _scan(ranges: NDArray[np.float64], increment: float) -> bytes:
     return message.finish()
 
 
-def _pose(message: CdrWriter, pose: NDArray[np.float64]) -> None:
+def _pose(message: CdrWriter, pose: FloatArray) -> None:
     message.f64(pose[0], pose[1], 0.0, 0.0, 0.0, math.sin(pose[2] / 2), math.cos(pose[2] / 2))
 
 
-def _odometry(pose: NDArray[np.float64]) -> bytes:
+def _odometry(pose: FloatArray) -> bytes:
     message = _started("odom")
     message.string("base_link")
     _pose(message, pose)
@@ -73,7 +73,7 @@ def _odometry(pose: NDArray[np.float64]) -> bytes:
     return message.finish()
 
 
-def _transform(pose: NDArray[np.float64]) -> bytes:
+def _transform(pose: FloatArray) -> bytes:
     message = CdrWriter()
     message.u32(1)
     message.i32(0)

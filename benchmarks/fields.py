@@ -19,9 +19,8 @@ from mclcli.world.occupancy import FREE, OCCUPIED, OccupancyGrid
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from benchmarks.measure import Row
+    from mclcli.arrays import BoolArray
 
 
 def walls(side: int) -> OccupancyGrid:
@@ -33,7 +32,7 @@ def walls(side: int) -> OccupancyGrid:
     return OccupancyGrid(np.where(occupied, OCCUPIED, FREE).astype(np.int8), 0.05, np.zeros(3))
 
 
-def others(occupied: NDArray[np.bool_]) -> dict[str, Callable[[], object]]:
+def others(occupied: BoolArray) -> dict[str, Callable[[], object]]:
     """Exact transforms that pip can install; SciPy always, ``edt`` and OpenCV where the extra ``bench`` is."""
     from scipy.ndimage import distance_transform_edt
 

@@ -23,9 +23,8 @@ from mclcli.world.raycast import make_caster
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
     from benchmarks.measure import Row
+    from mclcli.arrays import FloatArray
 
 
 @dataclass(frozen=True)
@@ -34,9 +33,9 @@ class Job:
 
     field: DistanceField
     beams: Beams
-    poses: NDArray[np.float64]
+    poses: FloatArray
 
-    def score(self, *, threads: int = 1, **parameters: Any) -> Callable[[], NDArray[np.float64]]:  # noqa: ANN401
+    def score(self, *, threads: int = 1, **parameters: Any) -> Callable[[], FloatArray]:  # noqa: ANN401
         """Scores all poses."""
         settings = LikelihoodFieldParameters(**parameters)
         model = LikelihoodField(self.field, settings, job_size=np.inf, threads=threads)
@@ -76,7 +75,7 @@ def _beams(count: int) -> Beams:
     return Beams(np.zeros((count, 2)), directions, ranges, 12.0, slots=count)
 
 
-def straightforward(job: Job) -> NDArray[np.float64]:
+def straightforward(job: Job) -> FloatArray:
     """The likelihood field as one would write it in NumPy: all endpoints at once, distances in metres."""
     field, beams, poses, metres = job.field, job.beams, job.poses, job.field.metres()
     c, s = np.cos(poses[:, 2, None]), np.sin(poses[:, 2, None])

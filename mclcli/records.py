@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING, final
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 
 @final
@@ -30,7 +29,7 @@ class LaserScan:
     angle_increment: float
     range_min: float
     range_max: float
-    ranges: NDArray[np.float64]
+    ranges: FloatArray
     angle_max: float = 0.0
     time_increment: float = 0.0
     scan_time: float = 0.0
@@ -44,7 +43,7 @@ class Odometry:
     stamp_ns: int
     frame_id: str
     child_frame_id: str
-    pose: NDArray[np.float64]
+    pose: FloatArray
 
 
 @final
@@ -55,7 +54,7 @@ class Transform:
     stamp_ns: int
     parent: str
     child: str
-    parent_from_child: NDArray[np.float64]
+    parent_from_child: FloatArray
     static: bool
 
 
@@ -69,8 +68,8 @@ class StampedPose:
 
     stamp_ns: int
     frame_id: str
-    pose: NDArray[np.float64]
-    covariance: NDArray[np.float64] | None = None
+    pose: FloatArray
+    covariance: FloatArray | None = None
 
 
 @final
@@ -81,7 +80,7 @@ class LandmarkSightings:
     stamp_ns: int
     frame_id: str
     ids: tuple[str, ...]
-    rays: NDArray[np.float64]
+    rays: FloatArray
 
 
 @final
@@ -95,7 +94,7 @@ class PixelSightings:
     stamp_ns: int
     frame_id: str
     ids: tuple[str, ...]
-    pixels: NDArray[np.float64]
+    pixels: FloatArray
 
 
 @final
@@ -111,10 +110,10 @@ class CameraModel:
     stamp_ns: int
     frame_id: str
     distortion_model: str
-    distortion: NDArray[np.float64]
-    k: NDArray[np.float64]
-    r: NDArray[np.float64]
-    p: NDArray[np.float64]
+    distortion: FloatArray
+    k: FloatArray
+    r: FloatArray
+    p: FloatArray
     binning: tuple[int, int] = (1, 1)
     offset: tuple[int, int] = (0, 0)
 
@@ -124,8 +123,8 @@ class CameraModel:
 class Estimate:
     """What the filter believes: ``pose`` (3,) x, y [m], yaw [rad] in map, and its ``covariance`` (3, 3)."""
 
-    pose: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    pose: FloatArray
+    covariance: FloatArray
 
 
 @final
@@ -153,12 +152,12 @@ class StepRecord:
 
     step: int
     stamp_ns: int
-    poses: NDArray[np.float64]
+    poses: FloatArray
     sensors: tuple[str, ...]
     alphas: tuple[float, ...]
-    log_likelihoods: NDArray[np.float64]
-    log_weights: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    log_likelihoods: FloatArray
+    log_weights: FloatArray
+    weights: FloatArray
     ess: float
     log_evidence: float
     resampled: bool
@@ -185,6 +184,6 @@ class TrackPoint:
     stamp_ns: int
     estimate: Estimate
     segment: int
-    odom_from_base: NDArray[np.float64]
+    odom_from_base: FloatArray
     step: StepRecord | None = None
     scan: LaserScan | None = None

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import pytest
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from mclcli.arrays import FloatArray
 
 SECOND = 1_000_000_000
 
@@ -51,14 +53,12 @@ def sightings(stamp_ns: int, ids: Sequence[str], rays: ArrayLike, frame: str = "
     return LandmarkSightings(stamp_ns, frame, tuple(ids), np.asarray(rays, dtype=np.float64).reshape(-1, 3))
 
 
-def level(*bearings: float) -> NDArray[np.float64]:
+def level(*bearings: float) -> FloatArray:
     """Unit rays (M, 3) with these bearings [rad] in a level frame."""
     return np.array([[math.cos(b), math.sin(b), 0.0] for b in bearings])
 
 
-def transform(
-    stamp_ns: int, parent: str, child: str, matrix: NDArray[np.float64], *, static: bool = False
-) -> Transform:
+def transform(stamp_ns: int, parent: str, child: str, matrix: FloatArray, *, static: bool = False) -> Transform:
     """One edge of the tree of frames."""
     return Transform(stamp_ns, parent, child, matrix, static)
 

@@ -25,8 +25,7 @@ from tests.replay.replays import run as replayed
 from tests.support import scan_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.records import TrackPoint
     from tests.replay.replays import Event
 
@@ -51,14 +50,14 @@ def run(
     return list(replay(memory.events(recording), ready, ReplayTally()))
 
 
-def errors(recording: Recording, points: list[TrackPoint]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def errors(recording: Recording, points: list[TrackPoint]) -> tuple[FloatArray, FloatArray]:
     """Errors of position [m] and yaw [rad] at every scan."""
     poses = np.array([point.estimate.pose for point in points])
     truth = recording.truth.at(np.array([point.stamp_ns for point in points]))
     return np.hypot(*(poses - truth)[:, :2].T), np.abs(np.angle(np.exp(1j * (poses - truth)[:, 2])))
 
 
-def rms(values: NDArray[np.float64]) -> float:
+def rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 

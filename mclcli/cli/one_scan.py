@@ -18,8 +18,7 @@ from mclcli.records import LaserScan
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.cli.options import Chosen
     from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import Roles
@@ -35,7 +34,7 @@ class MountedScan:
     """A scan and where its lidar sits: ``base_from_sensor`` (4, 4); ``base_frame`` where known."""
 
     scan: LaserScan
-    base_from_sensor: NDArray[np.float64]
+    base_from_sensor: FloatArray
     base_frame: str
 
 
@@ -123,7 +122,7 @@ def pick_one(
     return chosen
 
 
-def _scan_of_text(source: str, mounts: dict[str, NDArray[np.float64]]) -> MountedScan:
+def _scan_of_text(source: str, mounts: dict[str, FloatArray]) -> MountedScan:
     from mclcli.io.tables.scan_file import parse_scan, read_scan
 
     if source == "-":
@@ -142,9 +141,7 @@ def _scan_of_text(source: str, mounts: dict[str, NDArray[np.float64]]) -> Mounte
     return MountedScan(scan, mount, base_frame or "")
 
 
-def mount_in_log(
-    recording: Recording, parts: Roles, scan: LaserScan, mounts: dict[str, NDArray[np.float64]]
-) -> NDArray[np.float64]:
+def mount_in_log(recording: Recording, parts: Roles, scan: LaserScan, mounts: dict[str, FloatArray]) -> FloatArray:
     """``base_from_sensor`` (4, 4): the mount given, else the log's.
 
     Raises

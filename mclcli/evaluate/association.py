@@ -13,9 +13,10 @@ from mclcli.geometry import se2
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.geometry.trajectory import Trajectory
 
-    Pick = tuple[NDArray[np.intp], NDArray[np.float64]]
+    Pick = tuple[NDArray[np.intp], FloatArray]
 
 Method = Literal["interpolate", "nearest"]
 
@@ -46,16 +47,16 @@ class Pairs:
     hole is longer than ``max_gap_ns``.
     """
 
-    stamps_ns: NDArray[np.int64]
-    estimated: NDArray[np.float64]
-    expected: NDArray[np.float64]
-    covariances: NDArray[np.float64] | None
-    updated: NDArray[np.bool_]
+    stamps_ns: IntArray
+    estimated: FloatArray
+    expected: FloatArray
+    covariances: FloatArray | None
+    updated: BoolArray
     pieces: NDArray[np.intp]
     total: int
 
     @property
-    def seconds(self) -> NDArray[np.float64]:
+    def seconds(self) -> FloatArray:
         """Time since the first pair [s], (M,)."""
         return np.asarray((self.stamps_ns - self.stamps_ns[0]) * 1e-9, dtype=np.float64)
 
@@ -85,7 +86,7 @@ def associate(track: Trajectory, reference: Trajectory, matching: Matching = Mat
     )
 
 
-def aligned(pairs: Pairs) -> tuple[Pairs, NDArray[np.float64]]:
+def aligned(pairs: Pairs) -> tuple[Pairs, FloatArray]:
     """Pairs with the track moved rigidly so that its positions fit the reference's best, and that motion (3,).
 
     Least squares over SE(2), without scale: Umeyama 1991, eqs. 34 to 43, whose rotation in the plane is the angle of
@@ -120,9 +121,7 @@ def _nearest(track: Trajectory, reference: Trajectory, matching: Matching) -> Pi
     return mine, reference.poses[theirs]
 
 
-def _nearest_index(
-    stamps_ns: NDArray[np.int64], among_ns: NDArray[np.int64]
-) -> tuple[NDArray[np.intp], NDArray[np.int64]]:
+def _nearest_index(stamps_ns: IntArray, among_ns: IntArray) -> tuple[NDArray[np.intp], IntArray]:
     """For each stamp the nearest of others (sorted), the earlier one of two, and how far it is away [ns]."""
     after = np.minimum(np.searchsorted(among_ns, stamps_ns), among_ns.size - 1)
     before = np.maximum(after - 1, 0)

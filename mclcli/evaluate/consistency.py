@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray
     from mclcli.evaluate.association import Pairs
 
 DIMENSION = 3
@@ -42,7 +43,7 @@ class Consistency:
     singular: int
 
 
-def nees(pairs: Pairs) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+def nees(pairs: Pairs) -> tuple[NDArray[np.intp], FloatArray]:
     """Which measured pairs have a usable covariance (K,), and eᵀP⁻¹e of each (K,), e = (dx, dy, wrap(dyaw)) in map."""
     if pairs.covariances is None:
         return np.zeros(0, dtype=np.intp), np.zeros(0)
@@ -81,7 +82,7 @@ def chi2_band(degrees: int, confidence: float = 0.95) -> tuple[float, float]:
     return float(chdtri(degrees, 1.0 - tail)), float(chdtri(degrees, tail))
 
 
-def anees_over_runs(runs: Sequence[NDArray[np.float64]]) -> NDArray[np.float64]:
+def anees_over_runs(runs: Sequence[FloatArray]) -> FloatArray:
     """ANEES at each of T moments over R runs of the same moments: (T,), to be held against ``anees_band(R)``.
 
     ``runs`` are R arrays (T,) of NEES, from independent noise: the test that Bar-Shalom et al. give.
@@ -119,11 +120,11 @@ def consistency_over_runs(runs: Sequence[Pairs]) -> MomentsConsistency | None:
     return MomentsConsistency(len(runs), common.size, band, _share_between(averages, *band))
 
 
-def _share_between(values: NDArray[np.float64], low: float, high: float) -> float:
+def _share_between(values: FloatArray, low: float, high: float) -> float:
     return float(np.mean((values >= low) & (values <= high)))
 
 
-def _regular(covariances: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _regular(covariances: FloatArray) -> BoolArray:
     """Which covariances (M, 3, 3) can be inverted: those whose correlation matrix is clearly positive definite."""
     variances = np.maximum(np.diagonal(covariances, axis1=1, axis2=2), 0.0)
     positive = np.all(variances > 0.0, axis=1)

@@ -13,8 +13,7 @@ from mclcli.errors import UsageError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import BoolArray
     from mclcli.evaluate.association import Pairs
     from mclcli.evaluate.metrics import PoseErrors
 
@@ -34,11 +33,11 @@ class Rule:
     seconds: float
     poses: int = 3
 
-    def inside(self, errors: PoseErrors) -> NDArray[np.bool_]:
+    def inside(self, errors: PoseErrors) -> BoolArray:
         """Whether each pose has both errors below the bounds."""
         return (errors.translation < self.translation) & (np.abs(errors.yaw) < self.yaw)
 
-    def beyond(self, errors: PoseErrors) -> NDArray[np.bool_]:
+    def beyond(self, errors: PoseErrors) -> BoolArray:
         """Whether each pose has an error above its bound."""
         return (errors.translation > self.translation) | (np.abs(errors.yaw) > self.yaw)
 
@@ -110,7 +109,7 @@ def _loss(errors: PoseErrors, start: int, end: int, *, from_start: bool) -> Loss
     return Loss(int(stamps[start]), end_ns, float(errors.translation[start:end].max()), from_start)
 
 
-def _held(holds: NDArray[np.bool_], pairs: Pairs, rule: Rule) -> Iterator[slice]:
+def _held(holds: BoolArray, pairs: Pairs, rule: Rule) -> Iterator[slice]:
     """Longest stretches of pairs without a hole where something holds, that last as long as the rule demands."""
     breaks = np.flatnonzero((np.diff(holds) != 0) | (np.diff(pairs.pieces) != 0)) + 1
     edges = [0, *breaks.tolist(), holds.size]

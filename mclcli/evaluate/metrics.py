@@ -16,8 +16,7 @@ from mclcli.evaluate.association import Matching, Pairs, associate
 from mclcli.geometry import se2
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.geometry.trajectory import Trajectory
 
 
@@ -35,7 +34,7 @@ class Statistics:
     count: int
 
 
-def statistics(values: NDArray[np.float64]) -> Statistics | None:
+def statistics(values: FloatArray) -> Statistics | None:
     """Statistics of the magnitudes of values (M,), None of no value."""
     sizes = np.abs(values)
     if not sizes.size:
@@ -59,9 +58,9 @@ class PoseErrors:
     ``translation`` (M,) [m], Euclidean; ``yaw`` (M,) [rad], signed.
     """
 
-    stamps_ns: NDArray[np.int64]
-    translation: NDArray[np.float64]
-    yaw: NDArray[np.float64]
+    stamps_ns: IntArray
+    translation: FloatArray
+    yaw: FloatArray
     total: int
 
     @property
@@ -105,9 +104,9 @@ class RelativeErrors:
     the two moments.
     """
 
-    translation: NDArray[np.float64]
-    yaw: NDArray[np.float64]
-    spans: NDArray[np.float64]
+    translation: FloatArray
+    yaw: FloatArray
+    spans: FloatArray
 
 
 def relative_errors(pairs: Pairs, *, per: str = "metre", span: float = 1.0) -> RelativeErrors:
@@ -129,7 +128,7 @@ def relative_errors(pairs: Pairs, *, per: str = "metre", span: float = 1.0) -> R
     return RelativeErrors(np.hypot(error[:, 0], error[:, 1]) / spans, error[:, 2] / spans, spans)
 
 
-def way_of(poses: NDArray[np.float64], stride: float = 0.1) -> NDArray[np.float64]:
+def way_of(poses: FloatArray, stride: float = 0.1) -> FloatArray:
     """Length [m] of the way through poses (M, 3), up to each of them.
 
     The way is made in steps of at least ``stride`` [m]: a reference that trembles at rest does not drive.
@@ -144,6 +143,6 @@ def way_of(poses: NDArray[np.float64], stride: float = 0.1) -> NDArray[np.float6
     return np.array(way)
 
 
-def share_within(translation: NDArray[np.float64], bound: float) -> float:
+def share_within(translation: FloatArray, bound: float) -> float:
     """Share of errors (M,) that are at most ``bound`` [m], from 0 to 1."""
     return float(np.mean(translation <= bound))

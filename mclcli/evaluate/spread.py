@@ -12,8 +12,7 @@ from mclcli import rng
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.evaluate.evaluation import Evaluation
 
     Getter = Callable[[Evaluation], float | None]
@@ -93,6 +92,6 @@ def spreads(evaluations: Sequence[Evaluation], seed: int = 0) -> dict[str, Sprea
     return result
 
 
-def _band(values: NDArray[np.float64]) -> tuple[float, float]:
+def _band(values: FloatArray) -> tuple[float, float]:
     low, high = np.percentile(values, [5.0, 95.0]).tolist()
     return low, high

@@ -19,7 +19,7 @@ from mclcli.native import backend
 from mclcli.records import Estimate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray, IntArray
 
 _HALF_OF_26 = [offset for offset in itertools.product((-1, 0, 1), repeat=3) if offset > (0, 0, 0)]
 _OVER_THE_HALF_TURN = [(dx, dy, 1 - YAW_BINS) for dx, dy in itertools.product((-1, 0, 1), repeat=2)]
@@ -36,11 +36,11 @@ class Clusters:
     −2 ln(R·weight) for a cluster).
     """
 
-    labels: NDArray[np.int64]
-    weights: NDArray[np.float64]
-    means: NDArray[np.float64]
-    covariances: NDArray[np.float64]
-    resultants: NDArray[np.float64]
+    labels: IntArray
+    weights: FloatArray
+    means: FloatArray
+    covariances: FloatArray
+    resultants: FloatArray
 
     @property
     def heaviest(self) -> Estimate:
@@ -48,7 +48,7 @@ class Clusters:
         return Estimate(self.means[0], self.covariances[0])
 
 
-def find(poses: NDArray[np.float64], weights: NDArray[np.float64], *, wrap_yaw: bool = True) -> Clusters:
+def find(poses: FloatArray, weights: FloatArray, *, wrap_yaw: bool = True) -> Clusters:
     """Clusters of poses (N, 3) with weights (N,) ≥ 0, N ≥ 1; O(N log N).
 
     A cluster without weight counts its particles equally. Without ``wrap_yaw`` headings of −π and π are apart.
@@ -61,7 +61,7 @@ def find(poses: NDArray[np.float64], weights: NDArray[np.float64], *, wrap_yaw: 
     return Clusters(labels, total, means, _covariances(poses, means, labels, share), resultants)
 
 
-def _all_touch(index: NDArray[np.int64]) -> bool:
+def _all_touch(index: IntArray) -> bool:
     """Whether bins (N, 3) all touch each other, as those of a tracked robot do."""
     if not backend.in_use():
         return bool((index.max(axis=0) - index.min(axis=0) <= 1).all())
@@ -70,7 +70,7 @@ def _all_touch(index: NDArray[np.int64]) -> bool:
     return bool(widths.max() <= 1)
 
 
-def _components(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64]:
+def _components(index: IntArray, *, wrap_yaw: bool) -> IntArray:
     """Component (N,) of each particle's bin (N, 3), numbered in the order of their first particles."""
     if backend.in_use():
         return _components_compiled(index, wrap_yaw=wrap_yaw)
@@ -85,7 +85,7 @@ def _components(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64
     return np.argsort(np.argsort(first))[component.reshape(-1)]
 
 
-def _components_compiled(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray[np.int64]:
+def _components_compiled(index: IntArray, *, wrap_yaw: bool) -> IntArray:
     """The same: bins are numbered as they first appear, so the least number in a component is its first particle's."""
     number, first, table = number_compiled(index)
     root = np.empty(first.size, np.int64)
@@ -94,7 +94,7 @@ def _components_compiled(index: NDArray[np.int64], *, wrap_yaw: bool) -> NDArray
     return (np.cumsum(is_root) - 1)[root][number]
 
 
-def _edges(occupied: NDArray[np.int64], ones: NDArray[np.int64], steps: NDArray[np.int64]) -> NDArray[np.int64]:
+def _edges(occupied: IntArray, ones: IntArray, steps: IntArray) -> IntArray:
     """Pairs (2, E) of occupied bins: one of ``ones`` (M,), and what is a step (S,) of bin numbers from it."""
     wanted = occupied[ones] + steps[:, np.newaxis]
     at = np.minimum(np.searchsorted(occupied, wanted), occupied.size - 1)
@@ -102,7 +102,7 @@ def _edges(occupied: NDArray[np.int64], ones: NDArray[np.int64], steps: NDArray[
     return np.stack([ones[one], at[step, one]])
 
 
-def _roots(n: int, edges: NDArray[np.int64]) -> NDArray[np.int64]:
+def _roots(n: int, edges: IntArray) -> IntArray:
     """Least member (n,) of each node's component: roots take the least root they touch, until none changes."""
     root = np.arange(n)
     while True:
@@ -116,9 +116,7 @@ def _roots(n: int, edges: NDArray[np.int64]) -> NDArray[np.int64]:
             root = root[root]
 
 
-def _heaviest_first(
-    component: NDArray[np.int64], weights: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _heaviest_first(component: IntArray, weights: FloatArray) -> tuple[IntArray, FloatArray]:
     """Labels (N,) and weights (C,) of the components in falling order of weight."""
     total = np.bincount(component, weights).astype(np.float64)
     if total.size == 1:
@@ -127,7 +125,7 @@ def _heaviest_first(
     return np.argsort(order)[component], total[order]
 
 
-def _share(labels: NDArray[np.int64], weights: NDArray[np.float64], total: NDArray[np.float64]) -> NDArray[np.float64]:
+def _share(labels: IntArray, weights: FloatArray, total: FloatArray) -> FloatArray:
     """Weight (N,) of each particle within its cluster."""
     if (total > 0.0).all():
         return weights / total[labels]
@@ -135,9 +133,7 @@ def _share(labels: NDArray[np.int64], weights: NDArray[np.float64], total: NDArr
     return np.divide(weights, total[labels], out=equal[labels], where=total[labels] > 0.0)
 
 
-def _means(
-    poses: NDArray[np.float64], labels: NDArray[np.int64], share: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _means(poses: FloatArray, labels: IntArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Means (C, 3) and mean resultant lengths (C,)."""
     sums = np.zeros((int(labels.max()) + 1, 4))
     if backend.in_use():
@@ -151,9 +147,7 @@ def _means(
     return np.stack([x, y, np.arctan2(s, c)], axis=-1), np.minimum(np.hypot(c, s), 1.0)
 
 
-def _covariances(
-    poses: NDArray[np.float64], means: NDArray[np.float64], labels: NDArray[np.int64], share: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _covariances(poses: FloatArray, means: FloatArray, labels: IntArray, share: FloatArray) -> FloatArray:
     covariances = np.zeros((means.shape[0], 3, 3))
     if backend.in_use():
         backend.load("particles").covariance_sums_by_label(

@@ -17,7 +17,7 @@ from mclcli.records import Estimate, Hypothesis
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
     FindHypotheses = Callable[[], tuple[Hypothesis, ...]]
 
@@ -28,8 +28,8 @@ _LOWER = np.tril_indices(3)
 
 
 def stated(
-    poses: NDArray[np.float64],
-    weights: NDArray[np.float64],
+    poses: FloatArray,
+    weights: FloatArray,
     *,
     mean_of: str = "set",
     covariance_of: str = "set",
@@ -53,7 +53,7 @@ def _heaviest(found: clusters.Clusters, most: int) -> tuple[Hypothesis, ...]:
     return tuple(Hypothesis(weight, Estimate(mean, spread)) for weight, mean, spread in places)
 
 
-def _of_some(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> clusters.Clusters:
+def _of_some(poses: FloatArray, weights: FloatArray) -> clusters.Clusters:
     """Clusters of all particles, or of an even choice that weigh the same."""
     if weights.size <= _THINNED:
         return clusters.find(poses, weights)
@@ -62,7 +62,7 @@ def _of_some(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> cluste
     return clusters.find(poses[chosen], np.full(_THINNED, 1.0 / _THINNED))
 
 
-def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> Estimate:
+def weighted_mean(poses: FloatArray, weights: FloatArray) -> Estimate:
     """Mean with circular yaw, and covariance Σ W r rᵀ of r = (dx, dy, wrap(dyaw)), for poses (N, 3), weights (N,).
 
     Source: Mardia and Jupp 2000, *Directional Statistics*, section 2.2 (mean direction).
@@ -77,7 +77,7 @@ def weighted_mean(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> E
     return Estimate(mean, _covariance(residual, weights))
 
 
-def _weighted_mean_compiled(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> Estimate:
+def _weighted_mean_compiled(poses: FloatArray, weights: FloatArray) -> Estimate:
     """The same to the bit, without a copy of every column."""
     mean, covariance = np.empty(3), np.empty((3, 3))
     scratch = np.empty((6, 128)), np.empty((65, 6))
@@ -85,7 +85,7 @@ def _weighted_mean_compiled(poses: NDArray[np.float64], weights: NDArray[np.floa
     return Estimate(mean, covariance)
 
 
-def _covariance(residual: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _covariance(residual: FloatArray, weights: FloatArray) -> FloatArray:
     """Σ W r rᵀ of r (3, N) by fixed-order sums: BLAS may order them by the number of its threads."""
     one, other = _LOWER
     covariance = np.empty((3, 3))
@@ -93,13 +93,13 @@ def _covariance(residual: NDArray[np.float64], weights: NDArray[np.float64]) -> 
     return covariance
 
 
-def has_converged(poses: NDArray[np.float64], estimate: Estimate) -> bool:
+def has_converged(poses: FloatArray, estimate: Estimate) -> bool:
     """Whether 95 % of the particles are within 0.5 m of the estimate in x and in y."""
     x, y, _ = estimate.pose.tolist()
     return bool(count_near(poses, x, y) >= _CONVERGED_SHARE * poses.shape[0])
 
 
-def count_near(poses: NDArray[np.float64], x: float, y: float) -> int:
+def count_near(poses: FloatArray, x: float, y: float) -> int:
     """How many poses (N, 3) are within 0.5 m of a place [m] in x and in y."""
     if not backend.in_use():
         near = (np.abs(poses[:, 0] - x) <= _CONVERGED_RADIUS) & (np.abs(poses[:, 1] - y) <= _CONVERGED_RADIUS)

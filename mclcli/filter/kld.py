@@ -21,7 +21,9 @@ from mclcli.native import backend
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
 
 BIN_XY = 0.5  # [m]
 BIN_YAW = np.radians(10.0)
@@ -76,16 +78,16 @@ class KldParameters:
         return NormalDist().inv_cdf(self.pf_z)
 
 
-def required(k: ArrayLike, pf_err: float, z: float) -> NDArray[np.float64]:
+def required(k: ArrayLike, pf_err: float, z: float) -> FloatArray:
     """Particles that k occupied bins (any shape) call for, a whole number ≥ 0; 0 for one bin or none."""
     free = np.maximum(np.asarray(k, dtype=np.float64) - 1.0, 0.0)
     b = 2.0 / (9.0 * np.maximum(free, 1.0))
     x = 1.0 - b + np.sqrt(b) * z
-    count: NDArray[np.float64] = np.ceil(free / (2.0 * pf_err) * np.maximum(x, 0.0) ** 3)
+    count: FloatArray = np.ceil(free / (2.0 * pf_err) * np.maximum(x, 0.0) ** 3)
     return count
 
 
-def limit(k: ArrayLike, parameters: KldParameters) -> NDArray[np.int64]:
+def limit(k: ArrayLike, parameters: KldParameters) -> IntArray:
     """Particles for k occupied bins (any shape), between min_particles and max_particles."""
     smallest, largest, few = parameters.min_particles, parameters.max_particles, parameters.kld_unlimited_bins
     enough = np.clip(required(k, parameters.pf_err, parameters.z), smallest, largest)
@@ -93,7 +95,7 @@ def limit(k: ArrayLike, parameters: KldParameters) -> NDArray[np.int64]:
     return np.where(unlimited, largest, enough).astype(np.int64)
 
 
-def kld_size(drawn: NDArray[np.float64], parameters: KldParameters, rng: np.random.Generator) -> int:
+def kld_size(drawn: FloatArray, parameters: KldParameters, rng: np.random.Generator) -> int:
     """Particles that a belief needs: drawn poses (n, 3) are visited in random order until there are enough of them.
 
     Returns the first n* with n* ≥ ``limit`` of the bins seen so far, at most max_particles; all n if there never are
@@ -106,7 +108,7 @@ def kld_size(drawn: NDArray[np.float64], parameters: KldParameters, rng: np.rand
     return int(np.argmax(enough)) + 1 if enough.any() else int(seen.size)
 
 
-def bins(poses: NDArray[np.float64], *, wrap_yaw: bool = True) -> NDArray[np.int64]:
+def bins(poses: FloatArray, *, wrap_yaw: bool = True) -> IntArray:
     """Bins (N, 3) of 0.5 m × 0.5 m × 10° that poses (N, 3) fall into.
 
     With ``wrap_yaw`` the bins of yaw are −18 … 17 all around; without it the number goes on over the half turn, as in
@@ -123,7 +125,7 @@ def bins(poses: NDArray[np.float64], *, wrap_yaw: bool = True) -> NDArray[np.int
     return index
 
 
-def _first_of_its_bin(index: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _first_of_its_bin(index: IntArray) -> BoolArray:
     """Whether each row (N, 3) is the first with its bin."""
     fresh = np.zeros(index.shape[0], dtype=np.bool_)
     fresh[number_compiled(index)[1] if backend.in_use() else np.unique(pack(index)[0], return_index=True)[1]] = True
@@ -131,8 +133,8 @@ def _first_of_its_bin(index: NDArray[np.int64]) -> NDArray[np.bool_]:
 
 
 def number_compiled(
-    index: NDArray[np.int64],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    index: IntArray,
+) -> tuple[IntArray, IntArray, IntArray]:
     """Number (N,) of each bin (N, 3) in the order they first appear, where each of the C does, and the hash table."""
     number, first, count = np.empty(index.shape[0], np.int64), np.empty(index.shape[0], np.int64), np.zeros(1, np.int64)
     table = np.full(1 << (2 * index.shape[0]).bit_length(), -1)
@@ -140,7 +142,7 @@ def number_compiled(
     return number, first[: count[0]], table
 
 
-def pack(index: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def pack(index: IntArray) -> tuple[IntArray, IntArray]:
     """Bins (N, 3) as single numbers (N,), and the strides (3,) from a bin to its neighbours' numbers.
 
     A margin of one bin on each side keeps neighbours apart. Good for poses within 10⁸ m of each other.

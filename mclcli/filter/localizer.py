@@ -22,8 +22,7 @@ from mclcli.records import StepRecord
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.filter.parameters import FilterParameters
     from mclcli.filter.recovery import Averages, Propose
     from mclcli.motion import MotionModel
@@ -42,9 +41,9 @@ class _Weighed(NamedTuple):
     """Log-likelihoods (S, N) with their temperatures, and what they make of the weights: log, softmax, log Σ e^log."""
 
     alphas: tuple[float, ...]
-    log_likelihoods: NDArray[np.float64]
-    log_weights: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    log_likelihoods: FloatArray
+    log_weights: FloatArray
+    weights: FloatArray
     log_total: float
     degenerate: bool
 
@@ -63,7 +62,7 @@ class Localizer:
     def step(
         self,
         state: FilterState,
-        increment: NDArray[np.float64],
+        increment: FloatArray,
         measurements: Sequence[Measurement],
         stamp_ns: int,
         segment: int = 0,
@@ -100,7 +99,7 @@ class Localizer:
         )
         return next_state, record
 
-    def _propagate(self, state: FilterState, increment: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _propagate(self, state: FilterState, increment: FloatArray) -> FloatArray:
         draws = rng.stream(self.seed, rng.Purpose.MOTION, state.step)
         return self.motion.sample(state.poses, increment, draws.standard_normal(state.poses.shape))
 
@@ -108,7 +107,7 @@ class Localizer:
         self,
         state: FilterState,
         measurements: Sequence[Measurement],
-        log_likelihoods: NDArray[np.float64],
+        log_likelihoods: FloatArray,
         evidences: Sequence[float],
     ) -> tuple[float, ...]:
         """α of every sensor, from what is known before this update."""
@@ -119,9 +118,7 @@ class Localizer:
             measurements, log_likelihoods, state.log_weights, state.correlations, p.ess_target, fits, trusted
         )
 
-    def _weigh(
-        self, carried: NDArray[np.float64], alphas: tuple[float, ...], log_likelihoods: NDArray[np.float64]
-    ) -> _Weighed:
+    def _weigh(self, carried: FloatArray, alphas: tuple[float, ...], log_likelihoods: FloatArray) -> _Weighed:
         """log w_t = log w_{t−1} + Σ α · log p, its softmax, and whether the measurement had to be ignored."""
         log_weights = carried + scoring.temper(alphas, log_likelihoods)
         degenerate = not weights.usable(log_weights)
@@ -132,7 +129,7 @@ class Localizer:
     def _record(
         self,
         at: _At,
-        poses: NDArray[np.float64],
+        poses: FloatArray,
         measurements: Sequence[Measurement],
         weighed: _Weighed,
         log_evidence: float,
@@ -159,7 +156,7 @@ class Localizer:
             counts=counts,
         )
 
-    def _belief(self, poses: NDArray[np.float64], normalised: NDArray[np.float64], when: str) -> dict[str, Any]:
+    def _belief(self, poses: FloatArray, normalised: FloatArray, when: str) -> dict[str, Any]:
         """What these particles say, in full only when it is to be stated; the record's fields by name."""
         p = self.parameters
         if p.estimate != when:
@@ -206,7 +203,7 @@ class Localizer:
             poses = np.concatenate([poses, anew])
         return FilterState(record.step + 1, poses, uniform_log_weights(n))
 
-    def _wanted_size(self, record: StepRecord, anew: NDArray[np.float64]) -> int:
+    def _wanted_size(self, record: StepRecord, anew: FloatArray) -> int:
         """Particles to draw: KLD sampling looks at a draw of the largest number, which is then thrown away."""
         largest = self.size.max_particles
         if self.size.fixed:

@@ -10,25 +10,22 @@ from mclcli.errors import InputError
 from mclcli.geometry import se2
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.world.occupancy import OccupancyGrid
 
 DEFAULT_SPREAD = np.diag(np.square([0.5, 0.5, np.radians(15.0)]))
 
 
-def gaussian(
-    pose: NDArray[np.float64], covariance: NDArray[np.float64], n: int, rng: np.random.Generator
-) -> NDArray[np.float64]:
+def gaussian(pose: FloatArray, covariance: FloatArray, n: int, rng: np.random.Generator) -> FloatArray:
     """Poses (n, 3) around a pose (3,), with a covariance (3, 3) of x, y [m] and yaw [rad], positive semidefinite."""
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
-    poses: NDArray[np.float64] = pose + rng.standard_normal((n, 3)) @ root.T
+    poses: FloatArray = pose + rng.standard_normal((n, 3)) @ root.T
     poses[:, 2] = se2.wrap(poses[:, 2])
     return poses
 
 
-def uniform(grid: OccupancyGrid, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def uniform(grid: OccupancyGrid, n: int, rng: np.random.Generator) -> FloatArray:
     """Poses (n, 3) uniform over the free cells of a map, anywhere within the cell, with any yaw.
 
     Raises

@@ -28,14 +28,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     import numpy as np
-    from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray
     from mclcli.motion.odometry import OdometryPath
     from mclcli.records import StepRecord
     from mclcli.sensors.observation import Observation
     from mclcli.world.occupancy import OccupancyGrid
 
-    Propose = Callable[[StepRecord, int, np.random.Generator], NDArray[np.float64]]
+    Propose = Callable[[StepRecord, int, np.random.Generator], FloatArray]
 
 _LOG_ZERO = -math.inf
 
@@ -139,7 +139,7 @@ class Situation:
 
     record: StepRecord
     observations: tuple[Observation, ...]
-    odom_from_base: NDArray[np.float64]
+    odom_from_base: FloatArray
     path: OdometryPath
 
 
@@ -151,7 +151,7 @@ class Proposal(Protocol):
     ``rng``, which belongs to this step. Raising is not expected: without a better idea draw from everywhere.
     """
 
-    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:
         """Poses (n, 3) float64, yaw in (−π, π]."""
         ...
 
@@ -163,7 +163,7 @@ class FromAnywhere:
 
     grid: OccupancyGrid
 
-    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:
         """Poses (n, 3), whatever the situation."""
         del situation
         return particles.uniform(self.grid, n, rng)

@@ -13,7 +13,7 @@ import numpy as np
 from mclcli.native import backend
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray, IntArray
 
 
 _BELOW_ONE = np.nextafter(1.0, 0.0)  # (n − 1 + u) / n rounds up to 1 for the u nearest to 1
@@ -22,28 +22,28 @@ _BELOW_ONE = np.nextafter(1.0, 0.0)  # (n − 1 + u) / n rounds up to 1 for the 
 class Resampler(Protocol):
     """Draws ancestors in proportion to their weights."""
 
-    def __call__(self, weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+    def __call__(self, weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:
         """Ancestors (n,) int64, ascending."""
         ...
 
 
-def systematic(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def systematic(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:
     """One random offset, n equally spaced pointers: every particle is drawn ⌊nW⌋ or ⌈nW⌉ times."""
     return _ancestors(weights, (np.arange(n) + rng.random()) / n)
 
 
-def stratified(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def stratified(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:
     """One pointer drawn from each of n equal strata."""
     return _ancestors(weights, (np.arange(n) + rng.random(n)) / n)
 
 
-def multinomial(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def multinomial(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:
     """n independent draws, as ordered uniforms from normalised exponential spacings, O(n)."""
     spacings = np.cumsum(rng.standard_exponential(n + 1))
     return _ancestors(weights, spacings[:-1] / spacings[-1])
 
 
-def residual(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> NDArray[np.int64]:
+def residual(weights: FloatArray, n: int, rng: np.random.Generator) -> IntArray:
     """⌊nW⌋ copies of every particle for certain, the rest drawn independently by what remains of nW.
 
     Source: Liu and Chen 1998, section 3.2.
@@ -57,7 +57,7 @@ def residual(weights: NDArray[np.float64], n: int, rng: np.random.Generator) -> 
     return np.repeat(np.arange(weights.size), copies)
 
 
-def _ancestors(weights: NDArray[np.float64], pointers: NDArray[np.float64]) -> NDArray[np.int64]:
+def _ancestors(weights: FloatArray, pointers: FloatArray) -> IntArray:
     cumulative = np.cumsum(weights)
     cumulative /= cumulative[-1]  # the last entry is exactly 1, so that no pointer < 1 falls off the end
     pointers = np.minimum(pointers, _BELOW_ONE)

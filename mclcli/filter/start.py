@@ -16,8 +16,7 @@ from mclcli.geometry import se2
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.motion.odometry import OdometryPath
     from mclcli.records import StampedPose
     from mclcli.sensors.observation import Observation
@@ -59,7 +58,7 @@ class Patience(Enum):
 class Start(Protocol):
     """A way to place the first particles: at the beginning, and again in every segment of a log whose time jumps."""
 
-    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64] | Patience:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Patience:
         """Poses (n, 3) float64 of the base in map at ``opening.stamp_ns``, or what to wait for.
 
         Must depend on nothing but its arguments, and take all randomness from ``rng``: asked again, it gets the same.
@@ -72,15 +71,15 @@ class Start(Protocol):
 class AroundPose:
     """Around one pose (3,), with a covariance (3, 3)."""
 
-    pose: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    pose: FloatArray
+    covariance: FloatArray
 
     @staticmethod
     def at(x: float, y: float, yaw: float, spread: float = 0.5, yaw_spread: float = math.radians(15.0)) -> AroundPose:
         """Around x, y [m], yaw [rad], with these standard deviations [m], [rad]."""
         return AroundPose(np.array([x, y, yaw]), np.diag(np.square([spread, spread, yaw_spread])))
 
-    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray:
         """Poses (n, 3) around the pose, whatever the stamp."""
         del opening
         return particles.gaussian(self.pose, self.covariance, n, rng)
@@ -91,11 +90,11 @@ class AroundPose:
 class AroundSeveral:
     """Around several poses (K, 3), each with a covariance (K, 3, 3), and with particles by its weight (K,)."""
 
-    poses: NDArray[np.float64]
-    covariances: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    poses: FloatArray
+    covariances: FloatArray
+    weights: FloatArray
 
-    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray:
         """Poses (n, 3), whatever the stamp; each hypothesis gets its share of n to within one particle."""
         del opening
         edges = np.round(n * np.cumsum(self.weights) / np.sum(self.weights)).astype(int)
@@ -111,7 +110,7 @@ class Anywhere:
 
     grid: OccupancyGrid
 
-    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray:
         """Poses (n, 3) over the whole map, whatever the stamp."""
         del opening
         return particles.uniform(self.grid, n, rng)
@@ -136,7 +135,7 @@ class AlongPoses:
         self._stated = sorted(stated, key=lambda pose: pose.stamp_ns)
         self._stamps = [pose.stamp_ns for pose in self._stated]
 
-    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64] | Patience:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Patience:
         """Poses (n, 3) around the last stated pose carried on to the stamp; too early before the first one."""
         after = bisect_right(self._stamps, opening.stamp_ns)
         if after == 0:
@@ -149,12 +148,12 @@ class AlongPoses:
         return particles.gaussian(carried(last, stamp_ns, path), spread_of(last), n, rng)
 
 
-def spread_of(stated: StampedPose) -> NDArray[np.float64]:
+def spread_of(stated: StampedPose) -> FloatArray:
     """Covariance (3, 3) of a stated pose: its own, or 0.1 m and 5° where it has none that could be used."""
     return STATED_SPREAD if stated.covariance is None else stated.covariance
 
 
-def carried(stated: StampedPose, stamp_ns: int, path: OdometryPath) -> NDArray[np.float64]:
+def carried(stated: StampedPose, stamp_ns: int, path: OdometryPath) -> FloatArray:
     """A stated pose (3,) moved on to a stamp, by odometry where it reaches back so far."""
     if not path.covers(stated.stamp_ns) or not path.covers(stamp_ns):
         return stated.pose

@@ -10,8 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.filter.recovery import Averages
     from mclcli.filter.temperature import Correlation
 
@@ -26,18 +25,18 @@ class FilterState:
     """
 
     step: int
-    poses: NDArray[np.float64]
-    log_weights: NDArray[np.float64]
+    poses: FloatArray
+    log_weights: FloatArray
     correlations: Mapping[str, Correlation] = field(default_factory=dict)
     way: tuple[float, float] = (0.0, 0.0)
     averages: Averages | None = None
 
 
-def initial_state(poses: NDArray[np.float64], step: int = 0) -> FilterState:
+def initial_state(poses: FloatArray, step: int = 0) -> FilterState:
     """Equally weighted particles."""
     return FilterState(step, poses, uniform_log_weights(poses.shape[0]))
 
 
-def uniform_log_weights(n: int) -> NDArray[np.float64]:
+def uniform_log_weights(n: int) -> FloatArray:
     """log(1/n), n times."""
     return np.full(n, -np.log(n))

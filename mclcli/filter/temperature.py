@@ -17,8 +17,7 @@ from mclcli.native import backend
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors import Measurement
 
 AUTO, ESS = "auto", "ess"
@@ -40,7 +39,7 @@ class Correlation:
     """
 
     mean: float
-    covariances: NDArray[np.float64]
+    covariances: FloatArray
 
     @property
     def alpha(self) -> float:
@@ -57,7 +56,7 @@ class Correlation:
         return min(highest, max(lowest, 1.0 / (1.0 + 2.0 * total)))
 
 
-def correlate(each: NDArray[np.float64], before: Correlation | None = None) -> Correlation:
+def correlate(each: FloatArray, before: Correlation | None = None) -> Correlation:
     """Take one more scan's per-beam log p (K,) into the running autocovariances."""
     own = float(each.sum()) / each.size
     mean = own if before is None else (1.0 - _AUTO_MEMORY) * before.mean + _AUTO_MEMORY * own
@@ -67,7 +66,7 @@ def correlate(each: NDArray[np.float64], before: Correlation | None = None) -> C
     return Correlation(mean, covariances)
 
 
-def _lagged_sums(centred: NDArray[np.float64]) -> NDArray[np.float64]:
+def _lagged_sums(centred: FloatArray) -> FloatArray:
     """Σ_i c_i c_{i+lag} (``_MAX_LAG`` + 1,) of values (K,), zero beyond the last. No BLAS: it sums by threads."""
     if backend.in_use():
         sums = np.empty(_MAX_LAG + 1)
@@ -77,7 +76,7 @@ def _lagged_sums(centred: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray((shifted * centred).sum(axis=1))
 
 
-def conditional_ess(log_weights: NDArray[np.float64], log_likelihood: NDArray[np.float64], alpha: float) -> float:
+def conditional_ess(log_weights: FloatArray, log_likelihood: FloatArray, alpha: float) -> float:
     """N (Σ W e^{αℓ})² / Σ W e^{2αℓ}, for normalised log W (N,): what one measurement leaves of N samples.
 
     It falls monotonically in α. Source: Zhou, Johansen, Aston 2016, section 3.3 (conditional ESS).
@@ -87,7 +86,7 @@ def conditional_ess(log_weights: NDArray[np.float64], log_likelihood: NDArray[np
     return float(log_weights.size * np.exp(numerator - weights.log_sum_exp(log_weights + 2.0 * scaled)))
 
 
-def largest_alpha(log_weights: NDArray[np.float64], log_likelihood: NDArray[np.float64], target: float) -> float:
+def largest_alpha(log_weights: FloatArray, log_likelihood: FloatArray, target: float) -> float:
     """Largest α in [0.02, 1] that leaves a conditional ESS of ``target``·N at least, by bisection."""
     if not weights.usable(log_likelihood):
         return 1.0
@@ -106,8 +105,8 @@ def largest_alpha(log_weights: NDArray[np.float64], log_likelihood: NDArray[np.f
 
 def resolve(
     measurements: Sequence[Measurement],
-    log_likelihoods: NDArray[np.float64],
-    log_weights: NDArray[np.float64],
+    log_likelihoods: FloatArray,
+    log_weights: FloatArray,
     correlations: Mapping[str, Correlation],
     ess_target: float,
     fits: Sequence[float] | None = None,
@@ -138,7 +137,7 @@ def _alpha(measurement: Measurement, correlations: Mapping[str, Correlation], es
 
 
 def observe(
-    measurements: Sequence[Measurement], pose: NDArray[np.float64], correlations: Mapping[str, Correlation]
+    measurements: Sequence[Measurement], pose: FloatArray, correlations: Mapping[str, Correlation]
 ) -> dict[str, Correlation]:
     """Correlations after looking at the beams of every ``auto`` measurement from a pose (3,)."""
     updated = dict(correlations)

@@ -10,8 +10,7 @@ import numpy as np
 from mclcli.geometry import se3
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.records import Transform
 
 _SAME = 1e-9  # [m, or of a rotation matrix's entries] a repeated transform may differ by rounding
@@ -23,21 +22,21 @@ class _Edge:
 
     __slots__ = ("first", "matrices", "moves", "parent", "stamps")
 
-    def __init__(self, parent: str, first: NDArray[np.float64]) -> None:
+    def __init__(self, parent: str, first: FloatArray) -> None:
         self.parent = parent
         self.first = first
         self.moves = False
         self.stamps: list[int] = []
-        self.matrices: list[NDArray[np.float64]] = []
+        self.matrices: list[FloatArray] = []
 
-    def add(self, stamp_ns: int, matrix: NDArray[np.float64], *, keep: bool) -> None:
+    def add(self, stamp_ns: int, matrix: FloatArray, *, keep: bool) -> None:
         """Take in the transform (4, 4) at a stamp; without ``keep`` only whether it ever changes."""
         self.moves = self.moves or float(np.abs(self.first - matrix).max()) > _SAME
         if keep and (not self.stamps or stamp_ns > self.stamps[-1]):
             self.stamps.append(stamp_ns)
             self.matrices.append(matrix)
 
-    def at(self, stamp_ns: int) -> NDArray[np.float64] | None:
+    def at(self, stamp_ns: int) -> FloatArray | None:
         """Value at a stamp, interpolated, never extrapolated."""
         if not self.moves:
             return self.first
@@ -68,7 +67,7 @@ class TransformTree:
     def __init__(self, *, keep_history: bool = True) -> None:
         self._keep_history = keep_history
         self._edges: dict[str, _Edge] = {}
-        self._fixed: dict[tuple[str, str], NDArray[np.float64]] = {}  # looked up where nothing moves
+        self._fixed: dict[tuple[str, str], FloatArray] = {}  # looked up where nothing moves
 
     def replayed(self) -> TransformTree:
         """Tree for reading the log again: what never moves is known from the start, what moves is not known yet."""
@@ -116,7 +115,7 @@ class TransformTree:
         """Whether a path joins two frames."""
         return self.ancestors(a)[-1] == self.ancestors(b)[-1]
 
-    def lookup(self, a: str, b: str, stamp_ns: int) -> NDArray[np.float64] | None:
+    def lookup(self, a: str, b: str, stamp_ns: int) -> FloatArray | None:
         """``a_from_b`` (4, 4) at a stamp; None if nothing connects them, or a moving edge is not known then."""
         found = self._fixed.get((a, b))
         if found is None:
@@ -126,7 +125,7 @@ class TransformTree:
                 self._fixed[a, b] = found
         return found
 
-    def _look_up(self, a: str, b: str, stamp_ns: int) -> NDArray[np.float64] | None:
+    def _look_up(self, a: str, b: str, stamp_ns: int) -> FloatArray | None:
         up_a, up_b = self.ancestors(a), self.ancestors(b)
         common = next((frame for frame in up_a if frame in up_b), None)
         if common is None:
@@ -153,7 +152,7 @@ class TransformTree:
         for edge in self._edges.values():
             edge.forget_before(stamp_ns)
 
-    def _chain(self, frames: list[str], stamp_ns: int) -> NDArray[np.float64] | None:
+    def _chain(self, frames: list[str], stamp_ns: int) -> FloatArray | None:
         """Transform from the first frame up through the parents of all of them."""
         result = None
         for frame in frames:

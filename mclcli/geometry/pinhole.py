@@ -19,12 +19,11 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.records import CameraModel
 
-    Jacobian = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
-    Radial = Callable[[NDArray[np.float64]], tuple[NDArray[np.float64], NDArray[np.float64]]]
+    Jacobian = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
+    Radial = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
 _PINHOLE = frozenset({"plumb_bob", "rational_polynomial"})
 _FISHEYE = frozenset({"equidistant", "fisheye", "kannala_brandt"})
@@ -47,7 +46,7 @@ def problem(camera: CameraModel, *, rectified: bool) -> str:
     return _problem_of_lens(camera.distortion_model, camera.distortion)
 
 
-def rays(camera: CameraModel, pixels: NDArray[np.float64], *, rectified: bool) -> NDArray[np.float64]:
+def rays(camera: CameraModel, pixels: FloatArray, *, rectified: bool) -> FloatArray:
     """Directions (M, 3) in the optical frame (x right, y down, z forward) of pixels (M, 2) of the published image.
 
     Pixels of a ``rectified`` image go through P alone, those of a raw one through K, the lens and R, so that both
@@ -63,7 +62,7 @@ def rays(camera: CameraModel, pixels: NDArray[np.float64], *, rectified: bool) -
     return np.asarray(np.einsum("mi,ji->mj", straight, _rotation(camera)))  # no BLAS: same bits for any number
 
 
-def _problem_of_lens(model: str, coefficients: NDArray[np.float64]) -> str:
+def _problem_of_lens(model: str, coefficients: FloatArray) -> str:
     if not coefficients.any():
         return ""
     counts = _COUNTS.get(model)
@@ -74,27 +73,27 @@ def _problem_of_lens(model: str, coefficients: NDArray[np.float64]) -> str:
     return ""
 
 
-def _rotation(camera: CameraModel) -> NDArray[np.float64]:
+def _rotation(camera: CameraModel) -> FloatArray:
     return camera.r if camera.r.any() else np.eye(3)  # many drivers leave it zero
 
 
-def _is_rotation(matrix: NDArray[np.float64]) -> bool:
+def _is_rotation(matrix: FloatArray) -> bool:
     if not np.isfinite(matrix).all():
         return False
     return bool(np.abs(matrix @ matrix.T - np.eye(3)).max() < 1e-3 and np.linalg.det(matrix) > 0.0)
 
 
-def _through(matrix: NDArray[np.float64], pixels: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+def _through(matrix: FloatArray, pixels: FloatArray) -> tuple[FloatArray, ...]:
     """Coordinates on the plane one unit ahead, by the upper triangular matrix of a pinhole."""
     y = (pixels[:, 1] - matrix[1, 2]) / matrix[1, 1]
     return (pixels[:, 0] - matrix[0, 2] - matrix[0, 1] * y) / matrix[0, 0], y
 
 
-def _ahead(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ahead(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack([x, y, np.ones_like(x)], axis=-1)
 
 
-def _straightened(camera: CameraModel, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+def _straightened(camera: CameraModel, x: FloatArray, y: FloatArray) -> FloatArray:
     if not camera.distortion.any():
         return _fisheye_rays(np.zeros(4), x, y) if camera.distortion_model in _FISHEYE else _ahead(x, y)
     if camera.distortion_model in _FISHEYE:
@@ -102,13 +101,11 @@ def _straightened(camera: CameraModel, x: NDArray[np.float64], y: NDArray[np.flo
     return _ahead(*_undistorted(_padded(camera.distortion, 8), x, y))
 
 
-def _padded(coefficients: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+def _padded(coefficients: FloatArray, count: int) -> FloatArray:
     return np.concatenate([coefficients, np.zeros(count)])[:count]
 
 
-def _distorted(
-    c: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], Jacobian, NDArray[np.float64]]:
+def _distorted(c: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray, Jacobian, FloatArray]:
     """Where the lens puts (x, y), the Jacobian there row by row, and the factor q."""
     k1, k2, p1, p2, k3, k4, k5, k6 = c
     s = x * x + y * y
@@ -127,9 +124,7 @@ def _distorted(
     return u, v, jacobian, q
 
 
-def _undistorted(
-    c: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _undistorted(c: FloatArray, u: FloatArray, v: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Inverse of ``_distorted`` by Newton's method, NaN where it has none.
 
     A model folds over outside the image it was fitted to: only roots that are reached from the middle without
@@ -149,11 +144,11 @@ def _undistorted(
     return np.where(good, x, np.nan), np.where(good, y, np.nan)
 
 
-def _fisheye_rays(k: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.float64]) -> NDArray[np.float64]:
+def _fisheye_rays(k: FloatArray, u: FloatArray, v: FloatArray) -> FloatArray:
     """Unit directions; the angle off the axis may exceed 90°."""
     k1, k2, k3, k4 = k
 
-    def radius(angle: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def radius(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
         s = angle * angle
         return (
             angle * (1 + s * (k1 + s * (k2 + s * (k3 + s * k4)))),
@@ -166,7 +161,7 @@ def _fisheye_rays(k: NDArray[np.float64], u: NDArray[np.float64], v: NDArray[np.
     return np.stack([scale * u, scale * v, np.cos(angle)], axis=-1)
 
 
-def _inverted(radius: Radial, rho: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverted(radius: Radial, rho: FloatArray) -> FloatArray:
     """Angle in [0, π] with this radius, by Newton's method; NaN where the radius does not rise up to there."""
     angle = np.array(rho)
     for _ in range(_STEPS):

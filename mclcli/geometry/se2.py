@@ -14,12 +14,14 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from mclcli.arrays import FloatArray
 
 TAU = 2.0 * np.pi
 
 
-def wrap(angle: ArrayLike) -> NDArray[np.float64]:
+def wrap(angle: ArrayLike) -> FloatArray:
     """Angle [rad] wrapped to (−π, π]; angles already there come back unchanged to the bit."""
     angle = np.asarray(angle, dtype=np.float64)
     there = (angle > -np.pi) & (angle <= np.pi)
@@ -30,7 +32,7 @@ def wrap(angle: ArrayLike) -> NDArray[np.float64]:
     return np.where(there, angle, wrapped)
 
 
-def compose(a_from_b: ArrayLike, b_from_c: ArrayLike) -> NDArray[np.float64]:
+def compose(a_from_b: ArrayLike, b_from_c: ArrayLike) -> FloatArray:
     """Chain two poses: ``a_from_c`` (..., 3), yaw wrapped; the arguments broadcast."""
     a = np.asarray(a_from_b, dtype=np.float64)
     b = np.asarray(b_from_c, dtype=np.float64)
@@ -42,7 +44,7 @@ def compose(a_from_b: ArrayLike, b_from_c: ArrayLike) -> NDArray[np.float64]:
     return np.stack(np.broadcast_arrays(x, y, wrap(a[..., 2] + b[..., 2])), axis=-1)
 
 
-def inverse(a_from_b: ArrayLike) -> NDArray[np.float64]:
+def inverse(a_from_b: ArrayLike) -> FloatArray:
     """Invert a pose: ``b_from_a`` (..., 3)."""
     a = np.asarray(a_from_b, dtype=np.float64)
     if a.ndim == 1:
@@ -53,7 +55,7 @@ def inverse(a_from_b: ArrayLike) -> NDArray[np.float64]:
     return np.stack([x, y, wrap(-a[..., 2])], axis=-1)
 
 
-def between(w_from_a: ArrayLike, w_from_b: ArrayLike) -> NDArray[np.float64]:
+def between(w_from_a: ArrayLike, w_from_b: ArrayLike) -> FloatArray:
     """Pose of b seen from a: ``a_from_b`` (..., 3), both given in the same frame w."""
     a = np.asarray(w_from_a, dtype=np.float64)
     b = np.asarray(w_from_b, dtype=np.float64)
@@ -111,7 +113,7 @@ def _interpolate_one(a: Sequence[float], b: Sequence[float], fraction: float) ->
     return _compose_one(a, _exp_one([fraction * v for v in twist]))
 
 
-def exp(twist: ArrayLike) -> NDArray[np.float64]:
+def exp(twist: ArrayLike) -> FloatArray:
     """Pose reached by a constant twist (vx, vy, ω) held for one unit of time, shape (..., 3).
 
     Source: Lynch and Park 2017, *Modern Robotics*, eq. 3.85 restricted to the plane.
@@ -125,7 +127,7 @@ def exp(twist: ArrayLike) -> NDArray[np.float64]:
     return np.stack([c * v[..., 0] - s * v[..., 1], s * v[..., 0] + c * v[..., 1], wrap(v[..., 2])], axis=-1)
 
 
-def log(pose: ArrayLike) -> NDArray[np.float64]:
+def log(pose: ArrayLike) -> FloatArray:
     """Twist (vx, vy, ω) whose ``exp`` is the pose; |ω| ≤ π, shape (..., 3)."""
     p = np.asarray(pose, dtype=np.float64)
     if p.ndim == 1:
@@ -137,7 +139,7 @@ def log(pose: ArrayLike) -> NDArray[np.float64]:
     return np.stack([c * p[..., 0] + s * p[..., 1], -s * p[..., 0] + c * p[..., 1], yaw], axis=-1)
 
 
-def interpolate(w_from_a: ArrayLike, w_from_b: ArrayLike, fraction: ArrayLike) -> NDArray[np.float64]:
+def interpolate(w_from_a: ArrayLike, w_from_b: ArrayLike, fraction: ArrayLike) -> FloatArray:
     """Pose at ``fraction`` of the way from a to b along the constant twist that joins them, shape (..., 3)."""
     a = np.asarray(w_from_a, dtype=np.float64)
     b = np.asarray(w_from_b, dtype=np.float64)

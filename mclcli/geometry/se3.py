@@ -10,10 +10,12 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from mclcli.arrays import FloatArray
 
 
-def from_quaternion(translation: Iterable[float], quaternion: Iterable[float]) -> NDArray[np.float64]:
+def from_quaternion(translation: Iterable[float], quaternion: Iterable[float]) -> FloatArray:
     """Transform (4, 4) from a translation (3,) [m] and a unit quaternion (x, y, z, w).
 
     Raises
@@ -33,7 +35,7 @@ def from_quaternion(translation: Iterable[float], quaternion: Iterable[float]) -
     )
 
 
-def planar_from_quaternion(translation: Iterable[float], quaternion: Iterable[float]) -> NDArray[np.float64]:
+def planar_from_quaternion(translation: Iterable[float], quaternion: Iterable[float]) -> FloatArray:
     """``to_planar`` of ``from_quaternion``, to the same bits and with the same errors, without the matrix between."""
     (tx, ty, _), (x, y, z, w) = _rigid(translation, quaternion)
     return np.array([tx, ty, math.atan2(2 * (x * y + z * w), 1 - 2 * (y * y + z * z))])
@@ -51,7 +53,7 @@ def _rigid(
     return (tx, ty, tz), (x / norm, y / norm, z / norm, w / norm)
 
 
-def from_rpy(translation: ArrayLike, roll: float, pitch: float, yaw: float) -> NDArray[np.float64]:
+def from_rpy(translation: ArrayLike, roll: float, pitch: float, yaw: float) -> FloatArray:
     """Transform (4, 4) with rotation Rz(yaw)·Ry(pitch)·Rx(roll) [rad] (REP-103, fixed axes)."""
     (cr, cp, cy), (sr, sp, sy) = np.cos([roll, pitch, yaw]), np.sin([roll, pitch, yaw])
     matrix = np.eye(4)
@@ -64,7 +66,7 @@ def from_rpy(translation: ArrayLike, roll: float, pitch: float, yaw: float) -> N
     return matrix
 
 
-def to_rpy(transform: NDArray[np.float64]) -> tuple[float, float, float, float, float, float]:
+def to_rpy(transform: FloatArray) -> tuple[float, float, float, float, float, float]:
     """(x, y, z, roll, pitch, yaw) of a transform; the inverse of ``from_rpy``."""
     r = transform[:3, :3]
     pitch = float(np.arctan2(-r[2, 0], np.hypot(r[0, 0], r[1, 0])))
@@ -76,19 +78,19 @@ def to_rpy(transform: NDArray[np.float64]) -> tuple[float, float, float, float, 
     return x, y, z, roll, pitch, yaw
 
 
-def from_planar(pose: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+def from_planar(pose: Sequence[float] | FloatArray) -> FloatArray:
     """Transform (4, 4) of a planar pose (x, y, yaw)."""
     c, s = math.cos(pose[2]), math.sin(pose[2])
     return np.array([[c, -s, 0.0, pose[0]], [s, c, 0.0, pose[1]], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
 
 
-def to_planar(transform: NDArray[np.float64]) -> NDArray[np.float64]:
+def to_planar(transform: FloatArray) -> FloatArray:
     """Planar pose (x, y, yaw) of a transform: its position and heading projected on the ground, shape (3,)."""
     (xx, _, _, x), (yx, _, _, y) = transform[:2].tolist()
     return np.array([x, y, math.atan2(yx, xx)])
 
 
-def inverse(transform: NDArray[np.float64]) -> NDArray[np.float64]:
+def inverse(transform: FloatArray) -> FloatArray:
     """Invert a rigid transform (4, 4)."""
     result = np.eye(4)
     result[:3, :3] = transform[:3, :3].T
@@ -96,7 +98,7 @@ def inverse(transform: NDArray[np.float64]) -> NDArray[np.float64]:
     return result
 
 
-def interpolate(w_from_a: NDArray[np.float64], w_from_b: NDArray[np.float64], fraction: float) -> NDArray[np.float64]:
+def interpolate(w_from_a: FloatArray, w_from_b: FloatArray, fraction: float) -> FloatArray:
     """Transform at ``fraction`` from a to b: straight-line translation, constant-rate rotation about one axis.
 
     Source: Rodrigues' formula, with axis and angle of the relative rotation.

@@ -13,8 +13,7 @@ from mclcli.geometry import se2
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.records import TrackPoint
 
 _SAME_NS = 1_000_000
@@ -29,12 +28,12 @@ class Trajectory:
     (N,) tells measured poses from those carried on by odometry; None: all were measured.
     """
 
-    stamps_ns: NDArray[np.int64]
-    poses: NDArray[np.float64]
-    covariances: NDArray[np.float64] | None = None
-    updated: NDArray[np.bool_] | None = None
+    stamps_ns: IntArray
+    poses: FloatArray
+    covariances: FloatArray | None = None
+    updated: BoolArray | None = None
 
-    def at(self, stamps_ns: NDArray[np.int64], max_gap_ns: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    def at(self, stamps_ns: IntArray, max_gap_ns: int) -> tuple[FloatArray, BoolArray]:
         """Poses (M, 3) at stamps (M,), interpolated with constant twist, and which of them are covered.
 
         A stamp is covered if it lies between two poses that are at most ``max_gap_ns`` apart, or meets one to 1 ms:
@@ -52,10 +51,10 @@ class Trajectory:
 
 
 def in_order(
-    stamps_ns: NDArray[np.int64],
-    poses: NDArray[np.float64],
-    covariances: NDArray[np.float64] | None = None,
-    updated: NDArray[np.bool_] | None = None,
+    stamps_ns: IntArray,
+    poses: FloatArray,
+    covariances: FloatArray | None = None,
+    updated: BoolArray | None = None,
 ) -> Trajectory:
     """Trajectory of poses as they arrived: what was said later overrules what was said for that time or a later one.
 
@@ -97,12 +96,12 @@ class Track:
         return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) * 1e-9
 
     @property
-    def stamps_ns(self) -> NDArray[np.int64]:
+    def stamps_ns(self) -> IntArray:
         """Stamps (N,) int64."""
         return np.array(self._stamps, dtype=np.int64)
 
     @property
-    def poses(self) -> NDArray[np.float64]:
+    def poses(self) -> FloatArray:
         """Poses (N, 3) float64."""
         return np.array(self._poses, dtype=np.float64).reshape(-1, 3)
 

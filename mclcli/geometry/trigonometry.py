@@ -14,10 +14,10 @@ import numpy as np
 from mclcli.native import backend
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 
-def cos_sin(angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def cos_sin(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Cosine and sine (N,) of angles (N,) [rad] up to a million; beyond, they lose digits.
 
     Compiled code, which gives the same bits, does it where a larger job has brought it into this process.
@@ -29,7 +29,7 @@ def cos_sin(angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
     return cos, sin
 
 
-def by_numpy(angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def by_numpy(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
     """The formula of ``cos_sin``."""
     turns = np.floor(angles * 0.6366197723675814 + 0.5)  # quarter turns, 2/π
     r = ((angles - turns * 1.57079632673412561417) - turns * 6.07710050630396597660e-11) - (
@@ -42,7 +42,7 @@ def by_numpy(angles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[
     return np.where((quarter == 1.0) | (quarter == 2.0), -cos, cos), np.where(quarter >= 2.0, -sin, sin)
 
 
-def _sine(r: NDArray[np.float64]) -> NDArray[np.float64]:
+def _sine(r: FloatArray) -> FloatArray:
     """Sine of |r| ≤ π/4."""
     z = r * r
     s = 2.75573137070700676789e-06 + z * (-2.50507602534068634195e-08 + z * 1.58969099521155010221e-10)
@@ -50,7 +50,7 @@ def _sine(r: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(r + r * z * (-1.66666666666666324348e-01 + z * s))
 
 
-def _cosine(r: NDArray[np.float64]) -> NDArray[np.float64]:
+def _cosine(r: FloatArray) -> FloatArray:
     """Cosine of |r| ≤ π/4."""
     z = r * r
     c = -2.75573143513906633035e-07 + z * (2.08757232129817482790e-09 + z * -1.13596475577881948265e-11)

@@ -14,18 +14,14 @@ from mclcli.parameters import parameter, validate
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.parameters import ParameterSet
 
 
 class MotionModel(Protocol):
     """Moves particles by an odometry increment, with noise."""
 
-    def sample(
-        self, poses: NDArray[np.float64], increment: NDArray[np.float64], normals: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def sample(self, poses: FloatArray, increment: FloatArray, normals: FloatArray) -> FloatArray:
         """Poses (N, 3) after the increment (3,) in the base frame, with standard normals (N, 3) for the noise."""
         ...
 

@@ -19,7 +19,7 @@ from mclcli.native import backend
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 _SMALL_MOVE = 0.01  # [m] below this the direction of a move is odometry noise (as in nav2_amcl)
 
@@ -52,9 +52,7 @@ class DifferentialMotion:
 
     parameters: DifferentialParameters
 
-    def sample(
-        self, poses: NDArray[np.float64], increment: NDArray[np.float64], normals: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def sample(self, poses: FloatArray, increment: FloatArray, normals: FloatArray) -> FloatArray:
         """Move poses (N, 3) by the odometry's increment (3,), in the base frame, plus noise from normals (N, 3)."""
         rot1, trans, rot2 = decompose(increment)
         if backend.in_use():
@@ -68,7 +66,7 @@ class DifferentialMotion:
         moved[:, 2] = se2.wrap(heading + noisy[:, 2])
         return moved
 
-    def noise_std(self, rot1: float, trans: float, rot2: float) -> NDArray[np.float64]:
+    def noise_std(self, rot1: float, trans: float, rot2: float) -> FloatArray:
         """Standard deviations (3,) of first turn [rad], move [m] and second turn [rad]."""
         p = self.parameters
         if abs(trans) < _SMALL_MOVE:
@@ -85,9 +83,7 @@ class DifferentialMotion:
         return np.sqrt(variances)
 
 
-def _sample_compiled(
-    poses: NDArray[np.float64], motion: NDArray[np.float64], std: NDArray[np.float64], normals: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _sample_compiled(poses: FloatArray, motion: FloatArray, std: FloatArray, normals: FloatArray) -> FloatArray:
     """The same as in ``sample``, to the bit."""
     moved, scratch = np.empty_like(poses), np.empty((3, 512))
     backend.load("particles").turn_move_turn(poses, normals, motion, std, moved, scratch)
@@ -99,7 +95,7 @@ def folded(turn: float) -> float:
     return min(abs(turn), np.pi - abs(turn))
 
 
-def decompose(increment: NDArray[np.float64]) -> tuple[float, float, float]:
+def decompose(increment: FloatArray) -> tuple[float, float, float]:
     """First turn, signed move and second turn of an increment (3,); |first turn| ≤ π/2, backwards moves negative."""
     dx, dy, dyaw = increment.tolist()
     forward = dx >= 0.0

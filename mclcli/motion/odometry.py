@@ -13,7 +13,7 @@ from mclcli.geometry import se2
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray, IntArray
 
 _SLACK_M, _SLACK_RAD = (
     1.0,
@@ -36,7 +36,7 @@ class OdometryParameters:
     def __post_init__(self) -> None:
         validate(self)
 
-    def is_jump(self, step: NDArray[np.float64], seconds: float) -> bool:
+    def is_jump(self, step: FloatArray, seconds: float) -> bool:
         """Whether a step (3,) in so many seconds cannot be motion."""
         speed, turn = self.odom_max_speed or math.inf, self.odom_max_turn or math.inf
         x, y, turned = step.tolist()
@@ -56,10 +56,10 @@ class OdometryPath:
     parameters: OdometryParameters = field(default_factory=lambda: OdometryParameters(0.0, 0.0))
     jumps: int = 0
     _stamps: list[int] = field(default_factory=list)
-    _poses: list[NDArray[np.float64]] = field(default_factory=list)
-    _origins: list[NDArray[np.float64] | None] = field(default_factory=list)
+    _poses: list[FloatArray] = field(default_factory=list)
+    _origins: list[FloatArray | None] = field(default_factory=list)
 
-    def append(self, stamp_ns: int, odom_from_base: NDArray[np.float64]) -> bool:
+    def append(self, stamp_ns: int, odom_from_base: FloatArray) -> bool:
         """Add a sample (3,); returns False, and leaves it out, if it is not newer than the last one."""
         if not self._stamps:
             self._add(stamp_ns, odom_from_base, None)
@@ -89,7 +89,7 @@ class OdometryPath:
         """Whether a stamp lies within the span."""
         return bool(self._stamps) and self._stamps[0] <= stamp_ns <= self._stamps[-1]
 
-    def at(self, stamp_ns: int) -> NDArray[np.float64]:
+    def at(self, stamp_ns: int) -> FloatArray:
         """Pose (3,) at a stamp within the span."""
         after = bisect_left(self._stamps, stamp_ns)
         if self._stamps[after] == stamp_ns:
@@ -98,7 +98,7 @@ class OdometryPath:
         fraction = (stamp_ns - before_ns) / (after_ns - before_ns)
         return se2.interpolate(self._poses[after - 1], self._poses[after], fraction)
 
-    def along(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    def along(self, stamps_ns: IntArray) -> FloatArray:
         """Poses (K, 3) at stamps (K,) within the span."""
         known = np.array(self._stamps, dtype=np.int64)
         after = np.clip(np.searchsorted(known, stamps_ns), 1, known.size - 1)
@@ -106,7 +106,7 @@ class OdometryPath:
         fraction = (stamps_ns - known[after - 1]) / (known[after] - known[after - 1])
         return se2.interpolate(poses[after - 1], poses[after], fraction)
 
-    def recorded(self, stamp_ns: int, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def recorded(self, stamp_ns: int, pose: FloatArray) -> FloatArray:
         """The pose (3,) that is ``at`` a stamp, in the log's own odometry frame, with its jumps."""
         origin = self._origins[bisect_right(self._stamps, stamp_ns) - 1]
         return pose if origin is None else se2.compose(origin, pose)
@@ -117,7 +117,7 @@ class OdometryPath:
         if keep > 0:
             del self._stamps[:keep], self._poses[:keep], self._origins[:keep]
 
-    def _add(self, stamp_ns: int, pose: NDArray[np.float64], origin: NDArray[np.float64] | None) -> None:
+    def _add(self, stamp_ns: int, pose: FloatArray, origin: FloatArray | None) -> None:
         self._stamps.append(stamp_ns)
         self._poses.append(pose)
         self._origins.append(origin)

@@ -20,7 +20,7 @@ from mclcli.motion import noise
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 
 @final
@@ -46,9 +46,7 @@ class OmnidirectionalMotion:
 
     parameters: OmnidirectionalParameters
 
-    def sample(
-        self, poses: NDArray[np.float64], increment: NDArray[np.float64], normals: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def sample(self, poses: FloatArray, increment: FloatArray, normals: FloatArray) -> FloatArray:
         """Move poses (N, 3) by the odometry's increment (3,), in the base frame, plus noise from normals (N, 3).
 
         The normals are for the noise along the move, in yaw, and across the move (to its right), as nav2 draws them.
@@ -58,7 +56,7 @@ class OmnidirectionalMotion:
         shift = np.stack([along * ux + across * uy, along * uy - across * ux, turn], axis=-1)
         return se2.compose(poses, increment + shift)
 
-    def noise_std(self, increment: NDArray[np.float64]) -> NDArray[np.float64]:
+    def noise_std(self, increment: FloatArray) -> FloatArray:
         """Standard deviations (3,) along the move [m], in yaw [rad] and across the move [m]."""
         p = self.parameters
         moved = noise.square(float(np.hypot(increment[0], increment[1])), noise.MOVE, p.noise_scaling)
@@ -72,7 +70,7 @@ class OmnidirectionalMotion:
         )
 
 
-def _direction(increment: NDArray[np.float64]) -> tuple[float, float]:
+def _direction(increment: FloatArray) -> tuple[float, float]:
     """Unit vector along the move; ahead where there is none (its noise is then alike in all directions)."""
     distance = float(np.hypot(increment[0], increment[1]))
     return (float(increment[0]) / distance, float(increment[1]) / distance) if distance else (1.0, 0.0)

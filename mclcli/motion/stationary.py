@@ -15,7 +15,7 @@ from mclcli.geometry import se2
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 
 @final
@@ -39,9 +39,7 @@ class StationaryMotion:
 
     parameters: StationaryParameters
 
-    def sample(
-        self, poses: NDArray[np.float64], increment: NDArray[np.float64], normals: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def sample(self, poses: FloatArray, increment: FloatArray, normals: FloatArray) -> FloatArray:
         """Shake poses (N, 3) in the base frame by normals (N, 3) for x, y and yaw; the increment (3,) is ignored."""
         del increment
         p = self.parameters

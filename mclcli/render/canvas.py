@@ -18,6 +18,7 @@ from mclcli.render import marks, palette, scales
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray
     from mclcli.world.occupancy import OccupancyGrid
 
 LONG_SIDE = 1120
@@ -51,7 +52,7 @@ class View:
         """Map y [m] of the lower edge."""
         return self.top - self.height / self.scale
 
-    def to_pixel(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_pixel(self, points: FloatArray) -> FloatArray:
         """Positions in pixels (..., 2), right and down, of map points (..., 2 or more) [m]; pixel i is [i, i + 1)."""
         return np.stack([points[..., 0] - self.left, self.top - points[..., 1]], axis=-1) * self.scale
 
@@ -69,11 +70,11 @@ class MapCanvas:
     image: Image.Image
     values: NDArray[np.int8]
 
-    def to_pixel(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_pixel(self, points: FloatArray) -> FloatArray:
         """Positions in pixels of the finished panel (..., 2) of map points (..., 2 or more) [m]."""
         return self.view.to_pixel(points)
 
-    def cover(self, color: palette.Color, where: NDArray[np.bool_], opacity: float = 1.0) -> None:
+    def cover(self, color: palette.Color, where: BoolArray, opacity: float = 1.0) -> None:
         """Lay one colour over the fine pixels ``where`` (height, width) is true."""
         mask = np.where(where, np.uint8(round(255 * opacity)), np.uint8(0))
         self.image.paste(color, (0, 0), Image.fromarray(mask))
@@ -83,7 +84,7 @@ class MapCanvas:
         self.cover(palette.WALL, self.values == 100)
 
 
-def points_of(array: NDArray[np.float64] | None, columns: int, name: str) -> NDArray[np.float64]:
+def points_of(array: FloatArray | None, columns: int, name: str) -> FloatArray:
     """Check an array (N, columns) of float64; None is no rows.
 
     Raises
@@ -100,7 +101,7 @@ def points_of(array: NDArray[np.float64] | None, columns: int, name: str) -> NDA
     return points
 
 
-def open_canvas(grid: OccupancyGrid, points: NDArray[np.float64], *, close: bool = False) -> MapCanvas:
+def open_canvas(grid: OccupancyGrid, points: FloatArray, *, close: bool = False) -> MapCanvas:
     """Draw a grid, cropped to where there is something to see around the points (P, 2) [m]; see ``choose_view``."""
     view = choose_view(grid, points, close=close)
     values = fine_values(grid, view)
@@ -111,7 +112,7 @@ def open_canvas(grid: OccupancyGrid, points: NDArray[np.float64], *, close: bool
     return canvas
 
 
-def choose_view(grid: OccupancyGrid, points: NDArray[np.float64], *, close: bool = False) -> View:
+def choose_view(grid: OccupancyGrid, points: FloatArray, *, close: bool = False) -> View:
     """Decide what is shown: the known cells and the points (P, 2) [m] with a margin, the long side 1120 px.
 
     The view closes in on the points where they occupy less than a quarter of the known cells' extent, or if ``close``.
@@ -130,7 +131,7 @@ def choose_view(grid: OccupancyGrid, points: NDArray[np.float64], *, close: bool
     return _fit(low, high)
 
 
-def _fit(low: NDArray[np.float64], high: NDArray[np.float64]) -> View:
+def _fit(low: FloatArray, high: FloatArray) -> View:
     """View of a box, with a margin, widened where it would be too narrow."""
     middle, extent = 0.5 * (low + high), high - low
     extent = extent + 2.0 * _MARGIN * extent.max()
@@ -145,7 +146,7 @@ def _fit(low: NDArray[np.float64], high: NDArray[np.float64]) -> View:
     )
 
 
-def _known_bounds(grid: OccupancyGrid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _known_bounds(grid: OccupancyGrid) -> tuple[FloatArray, FloatArray]:
     """Lower left and upper right corner (2,) [m] in the map frame of the cells that are not unknown (all, if none)."""
     known = grid.cells != -1
     rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
@@ -157,7 +158,7 @@ def _known_bounds(grid: OccupancyGrid) -> tuple[NDArray[np.float64], NDArray[np.
     return corners.min(axis=0), corners.max(axis=0)
 
 
-def cells_from_fine(origin: NDArray[np.float64], resolution: float, view: View) -> NDArray[np.float64]:
+def cells_from_fine(origin: FloatArray, resolution: float, view: View) -> FloatArray:
     """Affine map (2, 3): fine pixels (right, down) to continuous cells (column, row) of a lattice.
 
     ``origin`` (3,) is the pose of the lattice's lower left corner in map, ``resolution`` the side of a cell [m].
@@ -184,7 +185,7 @@ def visible_cells(grid: OccupancyGrid, view: View) -> tuple[slice, slice]:
     return slice(r0, r1), slice(c0, c1)
 
 
-def lay(image: Image.Image, affine: NDArray[np.float64], view: View, fill: float, *, smooth: bool) -> Image.Image:
+def lay(image: Image.Image, affine: FloatArray, view: View, fill: float, *, smooth: bool) -> Image.Image:
     """Resample an image whose pixels are cells (row 0 lowest) onto the fine sheet of a view.
 
     ``affine`` (2, 3) takes fine pixels to its pixels, ``fill`` is what lies beyond it.
@@ -198,7 +199,7 @@ def lay(image: Image.Image, affine: NDArray[np.float64], view: View, fill: float
     return image.transform(size, Image.Transform.PERSPECTIVE, (a, b, c, d, e, f, 0.0, 0.0), how, fillcolor=fill)
 
 
-def pooling(affine: NDArray[np.float64]) -> int:
+def pooling(affine: FloatArray) -> int:
     """Side of the square blocks of cells of which no fine pixel can miss one, turned or not."""
     return max(1, math.ceil(float(np.abs(affine[0, :2]).sum()) - 1e-9))
 

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray
+
 PANEL = 190
 _LEFT, _RIGHT, _HEAD, _FOOT = 78, 44, 34, 52
 _WIDE = 20.0  # the largest value over the median from which on a linear axis would hide the rest
@@ -27,8 +29,8 @@ _WIDE = 20.0  # the largest value over the median from which on a linear axis wo
 class Curve:
     """Values (N,) at ``seconds`` (N,), in order of time; the line breaks where ``pieces`` (N,) changes."""
 
-    seconds: NDArray[np.float64]
-    values: NDArray[np.float64]
+    seconds: FloatArray
+    values: FloatArray
     color: palette.Color
     pieces: NDArray[np.intp] | None = None
     width: float = 1.6
@@ -59,7 +61,7 @@ class _Axis:
     length: int
     log: bool = False
 
-    def at(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    def at(self, values: FloatArray) -> FloatArray:
         """Pixels of values; what lies beyond the ends is put at them."""
         shown = np.clip(values, self.low, self.high)
         if self.log:
@@ -167,7 +169,7 @@ def _value_axis(panel: Panel) -> _Axis:
     return _Axis(0.0, 1.08 * greatest if greatest > 0.0 else 1.0, PANEL)
 
 
-def _level(axis: _Axis, value: float, length: int) -> NDArray[np.float64]:
+def _level(axis: _Axis, value: float, length: int) -> FloatArray:
     y = PANEL - float(axis.at(np.array(value)))
     return np.stack([np.linspace(0.0, length, 2), np.full(2, y)], axis=-1)
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from PIL import Image
 
+    from mclcli.arrays import FloatArray
     from mclcli.world.occupancy import OccupancyGrid
 
 _NAMED = 6  # more tracks than this are not told apart by colour in the legend
@@ -35,10 +36,10 @@ class Errors:
     """
 
     name: str
-    poses: NDArray[np.float64]
-    seconds: NDArray[np.float64]
-    translation: NDArray[np.float64]
-    yaw: NDArray[np.float64]
+    poses: FloatArray
+    seconds: FloatArray
+    translation: FloatArray
+    yaw: FloatArray
     pieces: NDArray[np.intp] | None = None
     shades: tuple[tuple[float, float], ...] = ()
 
@@ -46,7 +47,7 @@ class Errors:
 def draw_evaluation(
     grid: OccupancyGrid | None,
     tracks: Sequence[Errors],
-    truth: NDArray[np.float64],
+    truth: FloatArray,
     *,
     levels: Levels = ((), ()),
     title: str,
@@ -99,7 +100,7 @@ def colors_of(count: int) -> list[palette.Color]:
     return [(int(r), int(g), int(b)) for r, g, b in palette.ramp("time", count)]
 
 
-def floor_around(poses: NDArray[np.float64]) -> OccupancyGrid:
+def floor_around(poses: FloatArray) -> OccupancyGrid:
     """Empty floor around poses (N, 2 or more), for pictures without a map; at most some million cells."""
     from mclcli.world.occupancy import OccupancyGrid
 
@@ -110,7 +111,7 @@ def floor_around(poses: NDArray[np.float64]) -> OccupancyGrid:
 
 
 def _draw_many(
-    grid: OccupancyGrid, tracks: Sequence[Errors], truth: NDArray[np.float64], title: str, subtitle: str
+    grid: OccupancyGrid, tracks: Sequence[Errors], truth: FloatArray, title: str, subtitle: str
 ) -> Image.Image:
     canvas = open_canvas(grid, np.concatenate([truth, *(track.poses for track in tracks)])[:, :2])
     colors = colors_of(len(tracks))

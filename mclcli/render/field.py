@@ -14,6 +14,7 @@ from mclcli.render.page import LegendItem
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray
     from mclcli.render.canvas import MapCanvas, View
     from mclcli.world.occupancy import OccupancyGrid
 
@@ -22,7 +23,7 @@ _LINE = _SHADES  # index of the colour of lines of equal distance
 
 
 def draw_field(
-    grid: OccupancyGrid, distance_m: NDArray[np.float64], *, max_dist: float, title: str, subtitle: str = ""
+    grid: OccupancyGrid, distance_m: FloatArray, *, max_dist: float, title: str, subtitle: str = ""
 ) -> Image.Image:
     """Picture of a distance field.
 
@@ -72,7 +73,7 @@ def _ticks(max_dist: float, step: float) -> tuple[tuple[float, str], ...]:
     return (*((v / max_dist, scales.label(v, step)) for v in levels), (1.0, f"{max_dist:g}+"))
 
 
-def _fine_distance(grid: OccupancyGrid, distance_m: NDArray[np.float64], view: View) -> NDArray[np.float32]:
+def _fine_distance(grid: OccupancyGrid, distance_m: FloatArray, view: View) -> NDArray[np.float32]:
     """Distance at every fine pixel (height, width), interpolated between cell centres."""
     affine = cells_from_fine(grid.origin, grid.resolution, view)
     rows, columns = visible_cells(grid, view)
@@ -107,7 +108,7 @@ def _colors() -> NDArray[np.uint8]:
     return np.concatenate([known, washed, np.full((256 - 2 * len(known), 3), palette.WALL, dtype=np.uint8)])
 
 
-def _lines(distance: NDArray[np.float32], max_dist: float, step: float) -> NDArray[np.bool_]:
+def _lines(distance: NDArray[np.float32], max_dist: float, step: float) -> BoolArray:
     """Fine pixels (height, width) on a line of equal distance: where the band between lines changes."""
     levels = np.ceil(max_dist / step - 1e-6) - 1.0  # the clamp itself is a plain, not a line
     band = np.minimum(distance * np.float32(1.0 / step) + np.float32(1e-3), np.float32(levels)).astype(np.int8)

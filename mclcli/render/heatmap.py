@@ -13,8 +13,7 @@ from mclcli.render.canvas import cells_from_fine, lay, open_canvas, points_of
 from mclcli.render.page import LegendItem
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.render.canvas import MapCanvas
     from mclcli.world.occupancy import OccupancyGrid
 
@@ -25,11 +24,11 @@ _OTHERS = palette.mix(palette.TEAL, palette.PAGE, 0.35)
 
 def draw_heatmap(
     grid: OccupancyGrid,
-    xy: NDArray[np.float64],
-    log_weight: NDArray[np.float64],
+    xy: FloatArray,
+    log_weight: FloatArray,
     *,
     step: float,
-    best_poses: NDArray[np.float64] | None = None,
+    best_poses: FloatArray | None = None,
     lattice_yaw: float = 0.0,
     depth: float | None = None,
     title: str,
@@ -87,14 +86,14 @@ def draw_heatmap(
     return page.compose(canvas, title=title, subtitle=subtitle, legend=_legend(len(best)), bar=bar)
 
 
-def _depth(below: NDArray[np.float64]) -> float:
+def _depth(below: FloatArray) -> float:
     """Round number of nats that the colours span."""
     finite = below[np.isfinite(below)]
     wanted = max(20.0, float(np.quantile(finite, 0.25)))
     return scales.round_up(max(min(wanted, float(finite.max())), 1.0))
 
 
-def _paint(canvas: MapCanvas, places: NDArray[np.float64], share: NDArray[np.float64], step: float, yaw: float) -> None:
+def _paint(canvas: MapCanvas, places: FloatArray, share: FloatArray, step: float, yaw: float) -> None:
     """Squares of side ``step`` around the places, coloured by ``share`` (P,): 0 the best, 1 and more the worst."""
     c, s = math.cos(yaw), math.sin(yaw)
     # Squares too small to be seen are merged; the best of them shows.

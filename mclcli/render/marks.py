@@ -17,13 +17,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray
     from mclcli.render.palette import Color
 
 FINE = 3
 _FAR = 16_000  # Pillow counts in 32 bits; nothing this far out is seen
 
 
-def to_fine(pixels: NDArray[np.float64]) -> NDArray[np.intp]:
+def to_fine(pixels: FloatArray) -> NDArray[np.intp]:
     """Pixels of the fine sheet (N, 2) whose centres are nearest to positions on the finished picture."""
     return np.rint(np.clip(pixels * FINE - 0.5, -_FAR, _FAR)).astype(np.intp)
 
@@ -33,19 +34,19 @@ def _odd(width: float) -> int:
     return 2 * round((width * FINE - 1) / 2) + 1
 
 
-def disc(image: Image.Image, at: NDArray[np.float64], radius: float, fill: Color, edge: Color | None = None) -> None:
+def disc(image: Image.Image, at: FloatArray, radius: float, fill: Color, edge: Color | None = None) -> None:
     """Filled circle at one position (2,), radius [px], with a thin edge of another colour."""
     (x, y), r = to_fine(at), round(radius * FINE)
     width = round(1.6 * FINE) if edge else 0
     ImageDraw.Draw(image).ellipse((x - r, y - r, x + r, y + r), fill=fill, outline=edge, width=width)
 
 
-def stroke(image: Image.Image, pixels: NDArray[np.float64], color: Color, width: float) -> None:
+def stroke(image: Image.Image, pixels: FloatArray, color: Color, width: float) -> None:
     """Line of one colour through positions (N, 2), width [px], with round joints and ends."""
     stroke_ramp(image, pixels, np.broadcast_to(np.array(color, dtype=np.uint8), (len(pixels), 3)), width)
 
 
-def stroke_ramp(image: Image.Image, pixels: NDArray[np.float64], colors: NDArray[np.uint8], width: float) -> None:
+def stroke_ramp(image: Image.Image, pixels: FloatArray, colors: NDArray[np.uint8], width: float) -> None:
     """Line through positions (N, 2) whose colour changes: piece i has colour i + 1 of (N, 3)."""
     points = to_fine(pixels)
     moved = np.ones(len(points), dtype=bool)
@@ -61,7 +62,7 @@ def stroke_ramp(image: Image.Image, pixels: NDArray[np.float64], colors: NDArray
             draw.ellipse((x - half, y - half, x + half, y + half), fill=inks[i])
 
 
-def dashes(pixels: NDArray[np.float64], on: float, off: float) -> Iterator[NDArray[np.float64]]:
+def dashes(pixels: FloatArray, on: float, off: float) -> Iterator[FloatArray]:
     """Cut a line through positions (N, 2) into dashes of length ``on`` [px] with gaps ``off``, along its length."""
     length = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(pixels, axis=0).T))]) if len(pixels) else np.zeros(0)
     if len(pixels) < 2 or length[-1] == 0.0:
@@ -73,13 +74,13 @@ def dashes(pixels: NDArray[np.float64], on: float, off: float) -> Iterator[NDArr
         yield np.concatenate([ends[:1], inner, ends[1:]])
 
 
-def stroke_dashed(image: Image.Image, pixels: NDArray[np.float64], color: Color, width: float) -> None:
+def stroke_dashed(image: Image.Image, pixels: FloatArray, color: Color, width: float) -> None:
     """Draw a dashed line of one colour through positions (N, 2), width [px]."""
     for dash in dashes(np.clip(pixels, -_FAR, _FAR), on=8.0, off=5.0):
         stroke(image, dash, color, width)
 
 
-def arrow(image: Image.Image, at: NDArray[np.float64], heading: float, color: Color, size: float = 15.0) -> None:
+def arrow(image: Image.Image, at: FloatArray, heading: float, color: Color, size: float = 15.0) -> None:
     """Arrow head with its middle at one position (2,), pointing along ``heading`` [rad, up is +π/2], with a halo."""
     c, s = np.cos(heading), -np.sin(heading)  # pixels run downwards
     for grow, ink in ((1.0 + 4.5 / size, HALO), (1.0, color)):
@@ -90,7 +91,7 @@ def arrow(image: Image.Image, at: NDArray[np.float64], heading: float, color: Co
         ImageDraw.Draw(image).polygon(corners, fill=ink)
 
 
-def rays(image: Image.Image, start: NDArray[np.float64], ends: NDArray[np.float64], color: Color, opacity: int) -> None:
+def rays(image: Image.Image, start: FloatArray, ends: FloatArray, color: Color, opacity: int) -> None:
     """Faint straight lines from one position (2,) to each of (N, 2), ``opacity`` of 255."""
     sheet = ImageDraw.Draw(image, "RGBA")
     x, y = (int(v) for v in to_fine(start))
@@ -98,9 +99,7 @@ def rays(image: Image.Image, start: NDArray[np.float64], ends: NDArray[np.float6
         sheet.line((x, y, int(u), int(v)), fill=(*color, opacity), width=_odd(1.0))
 
 
-def soft_dots(
-    image: Image.Image, pixels: NDArray[np.float64], opacity: NDArray[np.float64], color: Color, radius: float = 1.7
-) -> None:
+def soft_dots(image: Image.Image, pixels: FloatArray, opacity: FloatArray, color: Color, radius: float = 1.7) -> None:
     """Translucent dots at positions (N, 2), each with its own ``opacity`` (N,) in [0, 1); they darken in heaps.
 
     Beer's law: opacities of overlapping dots add as −log(1 − a), hence a million dots cost one histogram.
@@ -119,7 +118,7 @@ def soft_dots(
     image.paste(color, (0, 0), mask.resize(image.size, Image.Resampling.BILINEAR))
 
 
-def _spread(pixels: NDArray[np.float64], amount: NDArray[np.float64], width: int, height: int) -> NDArray[np.float64]:
+def _spread(pixels: FloatArray, amount: FloatArray, width: int, height: int) -> FloatArray:
     """Histogram (height, width) with each amount shared bilinearly among the four pixels around its position."""
     total = np.zeros(width * height)
     corner = np.floor(np.clip(pixels, -_FAR, _FAR) - 0.5)

@@ -11,9 +11,9 @@ from mclcli.render.canvas import open_canvas, points_of
 from mclcli.render.page import LegendItem
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from PIL import Image
 
+    from mclcli.arrays import FloatArray
     from mclcli.world.occupancy import OccupancyGrid
 
 _BEST = palette.CRIMSON
@@ -23,9 +23,9 @@ _SCAN = palette.TEAL
 
 def draw_modes(
     grid: OccupancyGrid,
-    poses: NDArray[np.float64],
-    shares: NDArray[np.float64],
-    endpoints: NDArray[np.float64],
+    poses: FloatArray,
+    shares: FloatArray,
+    endpoints: FloatArray,
     *,
     title: str,
     subtitle: str = "",
@@ -73,7 +73,7 @@ def draw_modes(
     return page.compose(canvas, title=title, subtitle=subtitle, legend=_legend(shares, len(ends)))
 
 
-def _legend(shares: NDArray[np.float64], ends: int) -> list[LegendItem]:
+def _legend(shares: FloatArray, ends: int) -> list[LegendItem]:
     items = []
     if len(shares):
         items.append(LegendItem("arrow", f"best place, {_percent(float(shares[0]))}", _BEST))

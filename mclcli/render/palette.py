@@ -14,6 +14,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray
+
 Color = tuple[int, int, int]
 RampName = Literal["time", "heat", "depth"]
 
@@ -61,7 +63,7 @@ def ramp(name: RampName, steps: int = 256) -> NDArray[np.uint8]:
     return np.rint(np.stack(channels, axis=-1)).astype(np.uint8)
 
 
-def pick(colors: NDArray[np.uint8], values: NDArray[np.float64], low: float, high: float) -> NDArray[np.uint8]:
+def pick(colors: NDArray[np.uint8], values: FloatArray, low: float, high: float) -> NDArray[np.uint8]:
     """Colour (..., 3) of each value on a ramp (K, 3) that spans low to high; values beyond are clamped."""
     span = high - low if high > low else 1.0
     at = np.clip((values - low) / span, 0.0, 1.0) * (len(colors) - 1)

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from PIL import Image
 
+    from mclcli.arrays import FloatArray
     from mclcli.world.occupancy import OccupancyGrid
 
 _PLAIN = palette.TEAL
@@ -21,9 +22,9 @@ _PLAIN = palette.TEAL
 
 def draw_scan(
     grid: OccupancyGrid,
-    pose: NDArray[np.float64],
-    endpoints: NDArray[np.float64],
-    values: NDArray[np.float64] | None = None,
+    pose: FloatArray,
+    endpoints: FloatArray,
+    values: FloatArray | None = None,
     *,
     label: str = "log p",
     title: str,
@@ -75,7 +76,7 @@ def draw_scan(
     return page.compose(canvas, title=title, subtitle=subtitle, legend=legend, bar=_bar(marked, label))
 
 
-def _inks(values: NDArray[np.float64], *, one: bool) -> NDArray[np.uint8]:
+def _inks(values: FloatArray, *, one: bool) -> NDArray[np.uint8]:
     """Colours (B, 3) of the endpoints."""
     if one:
         return np.tile(np.array(_PLAIN, dtype=np.uint8), (len(values), 1))
@@ -84,7 +85,7 @@ def _inks(values: NDArray[np.float64], *, one: bool) -> NDArray[np.uint8]:
     return np.where(np.isnan(values)[:, np.newaxis], np.array(palette.QUIET, dtype=np.uint8), known)
 
 
-def _legend(values: NDArray[np.float64], *, one: bool) -> list[LegendItem]:
+def _legend(values: FloatArray, *, one: bool) -> list[LegendItem]:
     items = [LegendItem("arrow", "sensor")]
     if len(values):
         items.append(LegendItem("dots", f"{len(values)} endpoints", _PLAIN if one else palette.INK))
@@ -93,7 +94,7 @@ def _legend(values: NDArray[np.float64], *, one: bool) -> list[LegendItem]:
     return items
 
 
-def _bar(values: NDArray[np.float64], label: str) -> page.ColorBar | None:
+def _bar(values: FloatArray, label: str) -> page.ColorBar | None:
     if not np.isfinite(values).any():
         return None
     return page.ColorBar(label, palette.ramp("time"), page.linear_ticks(*scales.span_of(values)))

@@ -11,9 +11,9 @@ from mclcli.render.canvas import open_canvas, points_of
 from mclcli.render.page import LegendItem
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
     from PIL import Image
 
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.render.canvas import MapCanvas
     from mclcli.world.occupancy import OccupancyGrid
 
@@ -23,14 +23,14 @@ _SPREAD = palette.mix(palette.AMBER, palette.INK, 0.45)
 
 def draw_track(
     grid: OccupancyGrid,
-    poses: NDArray[np.float64],
+    poses: FloatArray,
     *,
-    stamps_s: NDArray[np.float64] | None = None,
-    segments: NDArray[np.int64] | None = None,
-    truth: NDArray[np.float64] | None = None,
-    belief: NDArray[np.float64] | None = None,
-    cloud: NDArray[np.float64] | None = None,
-    cloud_weights: NDArray[np.float64] | None = None,
+    stamps_s: FloatArray | None = None,
+    segments: IntArray | None = None,
+    truth: FloatArray | None = None,
+    belief: FloatArray | None = None,
+    cloud: FloatArray | None = None,
+    cloud_weights: FloatArray | None = None,
     title: str,
     subtitle: str = "",
 ) -> Image.Image:
@@ -83,7 +83,7 @@ def draw_track(
     return page.compose(canvas, title=title, subtitle=subtitle, legend=legend, bar=_bar(stamps))
 
 
-def _per_row(values: NDArray[np.float64] | None, rows: int, name: str) -> NDArray[np.float64] | None:
+def _per_row(values: FloatArray | None, rows: int, name: str) -> FloatArray | None:
     """Check one finite number per row."""
     if values is None:
         return None
@@ -95,9 +95,9 @@ def _per_row(values: NDArray[np.float64] | None, rows: int, name: str) -> NDArra
 
 def _draw_line(
     canvas: MapCanvas,
-    poses: NDArray[np.float64],
-    stamps: NDArray[np.float64] | None,
-    segments: NDArray[np.int64] | None,
+    poses: FloatArray,
+    stamps: FloatArray | None,
+    segments: IntArray | None,
 ) -> None:
     """Track with a pale edge, so that it stands out from walls; pieces between segments are left out."""
     pixels = canvas.to_pixel(poses)
@@ -113,7 +113,7 @@ def _draw_line(
         marks.stroke_ramp(canvas.image, piece, ink, 3.0)
 
 
-def _draw_ends(canvas: MapCanvas, poses: NDArray[np.float64]) -> None:
+def _draw_ends(canvas: MapCanvas, poses: FloatArray) -> None:
     pixels = canvas.to_pixel(poses)
     if len(poses) > 1:
         marks.disc(canvas.image, pixels[0], 7.5, palette.HALO, palette.INK)
@@ -121,7 +121,7 @@ def _draw_ends(canvas: MapCanvas, poses: NDArray[np.float64]) -> None:
         marks.arrow(canvas.image, pixels[-1], float(poses[-1, 2]), palette.INK)
 
 
-def _draw_cloud(canvas: MapCanvas, cloud: NDArray[np.float64], weights: NDArray[np.float64] | None) -> bool:
+def _draw_cloud(canvas: MapCanvas, cloud: FloatArray, weights: FloatArray | None) -> bool:
     """Particles as translucent dots, heavier ones darker; tells whether their 2σ ellipse could be drawn."""
     if not len(cloud):
         return False
@@ -137,7 +137,7 @@ def _draw_cloud(canvas: MapCanvas, cloud: NDArray[np.float64], weights: NDArray[
     return seen
 
 
-def _ellipse(points: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArray[np.float64]:
+def _ellipse(points: FloatArray, weights: FloatArray) -> FloatArray:
     """Outline (73, 2) of the 2σ ellipse of weighted points (P, 2)."""
     share = weights / weights.sum()
     mean = share @ points
@@ -149,11 +149,11 @@ def _ellipse(points: NDArray[np.float64], weights: NDArray[np.float64]) -> NDArr
 
 
 def _legend(
-    poses: NDArray[np.float64],
-    stamps: NDArray[np.float64] | None,
-    truth: NDArray[np.float64],
-    belief: NDArray[np.float64],
-    cloud: NDArray[np.float64],
+    poses: FloatArray,
+    stamps: FloatArray | None,
+    truth: FloatArray,
+    belief: FloatArray,
+    cloud: FloatArray,
     *,
     spread: bool,
 ) -> list[LegendItem]:
@@ -171,7 +171,7 @@ def _legend(
     return [item for shown, item in entries if shown]
 
 
-def _bar(stamps: NDArray[np.float64] | None) -> page.ColorBar | None:
+def _bar(stamps: FloatArray | None) -> page.ColorBar | None:
     if stamps is None or not len(stamps):
         return None
     ticks = page.linear_ticks(float(stamps.min()), float(stamps.max()))

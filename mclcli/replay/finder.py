@@ -24,8 +24,7 @@ from mclcli.world.raycast import make_caster
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.filter.recovery import Situation
     from mclcli.filter.start import Opening
     from mclcli.search.locating import Location
@@ -108,7 +107,7 @@ class Finder:
             ]
         return sorted(chosen, key=lambda o: o.reading.stamp_ns)
 
-    def _bearings(self, observation: Observation, now: NDArray[np.float64]) -> bearing.Bearings:
+    def _bearings(self, observation: Observation, now: FloatArray) -> bearing.Bearings:
         assert self.landmarks is not None  # noqa: S101 - without landmarks no camera takes part
         assert isinstance(observation.reading, LandmarkSightings)  # noqa: S101 - see view()
         then = se2.between(now, observation.odom_from_base)
@@ -116,7 +115,7 @@ class Finder:
             observation.reading, se3.from_planar(then) @ observation.base_from_sensor, self.landmarks
         )
 
-    def _temper(self, each: NDArray[np.float64]) -> float:
+    def _temper(self, each: FloatArray) -> float:
         """α for beams with these log p (B,): from their correlation, or as it was given.
 
         Where all beams fit, what is left of log p is rounding, whose correlation means nothing: white noise is added.
@@ -129,7 +128,7 @@ class Finder:
         return dataclasses.replace(found, covariances=found.covariances + white).alpha
 
 
-def _joined(scans: Sequence[Observation], now: NDArray[np.float64], selection: BeamSelection) -> Beams:
+def _joined(scans: Sequence[Observation], now: FloatArray, selection: BeamSelection) -> Beams:
     """Beams of scans as of one, seen from where the base is now."""
     parts = []
     for scan in scans:
@@ -183,7 +182,7 @@ class FoundOnMap:
     finder: Finder
     grid: OccupancyGrid
 
-    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64] | Patience:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Patience:
         """Poses (n, 3) at ``opening.stamp_ns``."""
         odometry = np.array([o.odom_from_base for o in opening.observations])
         scans = window.spread(odometry, _PATIENCE)
@@ -205,15 +204,15 @@ class FoundAgain:
     finder: Finder
     grid: OccupancyGrid
 
-    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:
         """Poses (n, 3) at the update's stamp."""
         location = self.finder.find(situation.observations, _MODES) if situation.observations else None
         return _drawn(location, self.grid, n, rng, np.zeros(3))
 
 
 def _drawn(
-    location: Location | None, grid: OccupancyGrid, n: int, rng: np.random.Generator, then: NDArray[np.float64]
-) -> NDArray[np.float64]:
+    location: Location | None, grid: OccupancyGrid, n: int, rng: np.random.Generator, then: FloatArray
+) -> FloatArray:
     """Poses (n, 3): by their shares around the places, each moved by ``then`` (3,), the others anywhere on the map."""
     if location is None:
         return particles.uniform(grid, n, rng)

@@ -20,9 +20,7 @@ from mclcli.sensors.observation import Observation
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.filter.localizer import Localizer
     from mclcli.filter.recovery import Proposal
     from mclcli.filter.start import Start
@@ -57,7 +55,7 @@ class Setup:
     odom_frame: str
     base_frame: str
     frames: TransformTree
-    mounts: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
+    mounts: Mapping[str, FloatArray] = field(default_factory=dict)
     window_ns: tuple[int, int] = _ALWAYS
     transform_topics: tuple[str, ...] = ()
     follow: str = ""
@@ -200,7 +198,7 @@ class Intake:
         self.path.forget_before(stamp_ns - _KEEP_NS)
         self._tree.forget_before(stamp_ns - _KEEP_NS)
 
-    def _mount(self, reading: Reading) -> NDArray[np.float64] | None:
+    def _mount(self, reading: Reading) -> FloatArray | None:
         """``base_from_sensor`` (4, 4) at the reading's stamp."""
         given = self._setup.mounts.get(reading.frame_id, self._setup.mounts.get(""))
         if given is not None:
@@ -252,7 +250,7 @@ class Intake:
         for topic, record in ahead:
             self._push(topic, record)
 
-    def _append(self, stamp_ns: int, pose: NDArray[np.float64]) -> None:
+    def _append(self, stamp_ns: int, pose: FloatArray) -> None:
         last_ns, jumps = self.path.last_ns, self.path.jumps
         if not self.path.append(stamp_ns, pose):
             return

@@ -26,8 +26,7 @@ from mclcli.sensors.instruments import combine
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.filter.recovery import Propose
     from mclcli.sensors import Measurement
     from mclcli.sensors.beams import Sweep
@@ -66,7 +65,7 @@ class _Belief:
     """The filter's state after an update, and the odometry it belongs to."""
 
     state: FilterState
-    odom_from_base: NDArray[np.float64]
+    odom_from_base: FloatArray
     estimate: Estimate | None
 
 
@@ -136,7 +135,7 @@ class _Run:
         for observation in held:
             yield from self._process(observation)
 
-    def _place(self, opening: Opening) -> NDArray[np.float64] | Patience:
+    def _place(self, opening: Opening) -> FloatArray | Patience:
         """First particles: around what an operator stated last, else where the start says."""
         localizer = self._setup.localizer
         n, draws = localizer.size.max_particles, rng.stream(localizer.seed, rng.Purpose.INITIALISE, self._next_step)
@@ -195,7 +194,7 @@ class _Run:
         self._tally.distance += math.hypot(increment[0], increment[1])
         return _Belief(state, odom, record.estimate), record
 
-    def _proposer(self, observations: tuple[Observation, ...], odom: NDArray[np.float64]) -> Propose | None:
+    def _proposer(self, observations: tuple[Observation, ...], odom: FloatArray) -> Propose | None:
         """The proposal, told what this update has seen, and those just before it that did not fit either."""
         proposal, path = self._setup.proposal, self._intake.path
         if proposal is None:
@@ -203,7 +202,7 @@ class _Run:
         seen = (*itertools.chain(*self._astray), *observations)
         return lambda record, n, draws: proposal(Situation(record, seen, odom, path), n, draws)
 
-    def _measure(self, observations: Sequence[Observation], odom: NDArray[np.float64]) -> list[Measurement]:
+    def _measure(self, observations: Sequence[Observation], odom: FloatArray) -> list[Measurement]:
         """One measurement per instrument; earlier readings are seen from where the base was at their stamps."""
         parts: dict[str, list[Measurement]] = {topic: [] for topic in self._setup.instruments}
         for observation in observations:
@@ -217,7 +216,7 @@ class _Run:
             parts[observation.topic].append(measured)
         return [combine(self._setup.instruments[topic], measured) for topic, measured in parts.items()]
 
-    def _sweep(self, reading: Reading, odom: NDArray[np.float64]) -> Sweep | None:
+    def _sweep(self, reading: Reading, odom: FloatArray) -> Sweep | None:
         """Where the base was at each beam of a scan, seen from the update's base; None if all count as at the stamp."""
         if not isinstance(reading, LaserScan) or self._setup.until_ns(reading) == reading.stamp_ns:
             return None

@@ -20,9 +20,7 @@ from mclcli.world import distance_field
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.io.recording.roles import Roles
     from mclcli.io.recording.survey import LogSurvey
     from mclcli.sensors.instruments import Instrument, LidarModel
@@ -33,7 +31,7 @@ if TYPE_CHECKING:
 
     Temperature = float | str
     FieldMaker = Callable[..., DistanceField]
-    Mounts = Mapping[str, NDArray[np.float64]]
+    Mounts = Mapping[str, FloatArray]
 
 # Measured, see docs/decisions/0004 and 0013.
 LIDAR_TEMPERATURE = "auto"

@@ -13,8 +13,7 @@ from mclcli.search import costs
 from mclcli.world.pyramid import FINE
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.search.costs import Costs, Nodes
     from mclcli.search.lattice import Lattice
     from mclcli.world.distance_field import DistanceField
@@ -38,8 +37,8 @@ class Sightings:
     is the most that all of them can add.
     """
 
-    marks: NDArray[np.float64]
-    law: NDArray[np.float64]
+    marks: FloatArray
+    law: FloatArray
 
 
 NO_SIGHTINGS = Sightings(np.zeros((0, 5)), np.array([0.0, 0.0, 1.0, 1.0, 0.0]))
@@ -55,8 +54,8 @@ class Found:
 
     best: float
     key: int
-    keys: NDArray[np.int64]
-    values: NDArray[np.float64]
+    keys: IntArray
+    values: FloatArray
     pruned: float
 
 
@@ -79,7 +78,7 @@ class Search:
     field: DistanceField
     pyramid: Pyramid
     lattice: Lattice
-    log_p: NDArray[np.float64]
+    log_p: FloatArray
     sightings: Sightings
     costs: Costs
 
@@ -126,7 +125,7 @@ class Search:
         found: _Incumbent,
         slack: float = 0.0,
         alpha: float = 0.0,
-        weights: NDArray[np.float64] = _NONE,
+        weights: FloatArray = _NONE,
     ) -> bool:
         """Look at the poses of nodes, the best first; False if there is no room for what was found."""
         order = np.argsort(nodes.costs, kind="stable")
@@ -148,7 +147,7 @@ def prepare(
     field: DistanceField,
     pyramid: Pyramid,
     lattice: Lattice,
-    log_p: NDArray[np.float64],
+    log_p: FloatArray,
     sightings: Sightings = NO_SIGHTINGS,
 ) -> Search:
     """Make a search ready: what every beam costs everywhere."""

@@ -18,6 +18,7 @@ from mclcli.world.pyramid import COARSE, FINE, bound_table
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.search.lattice import Lattice, Places
     from mclcli.world.distance_field import DistanceField
     from mclcli.world.pyramid import Pyramid
@@ -57,12 +58,12 @@ class Costs:
     coarse: Plane
     fine: Plane
     leaves: Plane
-    table: NDArray[np.float64]
+    table: FloatArray
     perfect: float
     step: float
     most: int
 
-    def bounds(self, costs: NDArray[np.int32]) -> NDArray[np.float64]:
+    def bounds(self, costs: NDArray[np.int32]) -> FloatArray:
         """Bounds (N,) [nats] of costs (N,)."""
         return np.asarray(self.perfect - self.step * costs)
 
@@ -70,7 +71,7 @@ class Costs:
         """The highest cost whose bound is not below ``value``; −1 if there is none."""
         return math.floor(min(max((self.perfect - value) / self.step, -1.0), _MOST))
 
-    def sweep(self, state: NDArray[np.int64], limit: int, stop: int, weights: NDArray[np.float64]) -> Nodes:
+    def sweep(self, state: IntArray, limit: int, stop: int, weights: FloatArray) -> Nodes:
         """The next nodes, of ``state`` (4,) on, that cost at most ``limit``; see the kernel."""
         out, costs, mass = np.empty((_CHUNK, 3), np.int32), np.empty(_CHUNK, np.int32), np.zeros(1)
         state[3] = 0
@@ -82,7 +83,7 @@ class Costs:
         found = int(state[3])
         return Nodes(out[:found], costs[:found], float(mass[0]))
 
-    def done(self, state: NDArray[np.int64]) -> bool:
+    def done(self, state: IntArray) -> bool:
         """Whether a sweep that has come to ``state`` is over."""
         return bool(state[0] >= self.coarse.counts.shape[0])
 
@@ -97,7 +98,7 @@ class Nodes:
     mass: float
 
 
-def lay_out(field: DistanceField, pyramid: Pyramid, lattice: Lattice, log_p: NDArray[np.float64]) -> Costs:
+def lay_out(field: DistanceField, pyramid: Pyramid, lattice: Lattice, log_p: FloatArray) -> Costs:
     """Costs for a scan; ``log_p`` (L + 1,) is the value [nats] of every level of the field, and of off the map.
 
     Raises
@@ -112,7 +113,7 @@ def lay_out(field: DistanceField, pyramid: Pyramid, lattice: Lattice, log_p: NDA
     step = widest / most or 1.0
     slip = _SLIP * (1.0 + beams * (abs(float(table[0])) + widest))
 
-    def cost(values: NDArray[np.float64]) -> NDArray[np.uint8]:
+    def cost(values: FloatArray) -> NDArray[np.uint8]:
         return np.asarray(np.clip((table[0] - values) / step * (1.0 - 1e-12), 0.0, most), np.uint8)
 
     order = np.argsort(np.arange(beams) * _GOLDEN % 1.0)

@@ -17,6 +17,8 @@ from mclcli.world.pyramid import COARSE, angles_in
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
+
 _COARSEST = math.radians(2.0)  # of scans that reach hardly anywhere
 
 
@@ -30,8 +32,8 @@ class Places:
     """
 
     counts: NDArray[np.int32]
-    firsts: NDArray[np.int64]
-    sizes: NDArray[np.int64]
+    firsts: IntArray
+    sizes: IntArray
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -50,7 +52,7 @@ class Places:
         return int(self.counts[int(self.firsts[-1]) :].sum(dtype=np.int64))
 
 
-def count_places(allowed: NDArray[np.bool_]) -> Places:
+def count_places(allowed: BoolArray) -> Places:
     """Count the allowed cells (H, W) in the blocks of every level."""
     counts = [allowed.astype(np.int32)]
     for _ in range(COARSE):
@@ -70,7 +72,7 @@ class Lattice:
     angles that are a group at the coarse level.
     """
 
-    angles: NDArray[np.float64]
+    angles: FloatArray
     step: float
     ends: NDArray[np.int32]
     groups: NDArray[np.int32]
@@ -81,12 +83,12 @@ class Lattice:
         """Number of poses."""
         return self.angles.size * self.places.number
 
-    def nodes(self, keys: NDArray[np.int64]) -> NDArray[np.int64]:
+    def nodes(self, keys: IntArray) -> IntArray:
         """Angle, row and column (N, 3) of keys (N,) = (angle·H + row)·W + column."""
         height, width = self.places.shape
         return np.column_stack([keys // (height * width), keys // width % height, keys % width])
 
-    def poses(self, keys: NDArray[np.int64]) -> NDArray[np.float64]:
+    def poses(self, keys: IntArray) -> FloatArray:
         """Column, row [cells, continuous] and yaw [rad] (N, 3) in the field's frame."""
         angle, row, column = self.nodes(keys).T
         return np.column_stack([column + 0.5, row + 0.5, self.angles[angle]])
@@ -97,7 +99,7 @@ def angle_step(reach: float) -> float:
     return se2.TAU / math.ceil(se2.TAU / min(1.0 / max(reach, 1e-9), _COARSEST))
 
 
-def build(endpoints: NDArray[np.float64], places: Places, about: tuple[float, float] = (0.0, math.pi)) -> Lattice:
+def build(endpoints: FloatArray, places: Places, about: tuple[float, float] = (0.0, math.pi)) -> Lattice:
     """Lattice for endpoints (B, 2) [cells] in the base frame.
 
     ``about`` is an angle [rad] in the field's frame and how far from it angles may be.
@@ -111,7 +113,7 @@ def build(endpoints: NDArray[np.float64], places: Places, about: tuple[float, fl
     return Lattice(angles, step, ends, groups, places)
 
 
-def _cells_of_ends(endpoints: NDArray[np.float64], angles: NDArray[np.float64]) -> NDArray[np.int32]:
+def _cells_of_ends(endpoints: FloatArray, angles: FloatArray) -> NDArray[np.int32]:
     """Row and column (A, B, 2) of the cell in which each beam ends, from the centre of cell (0, 0)."""
     c, s = np.cos(angles)[:, np.newaxis], np.sin(angles)[:, np.newaxis]
     x, y = endpoints[:, 0], endpoints[:, 1]

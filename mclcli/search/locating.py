@@ -24,8 +24,7 @@ from mclcli.search.scene import sightings_of
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.search.branching import Search
     from mclcli.search.calibration import Figures
     from mclcli.search.modes import Peaks
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
     from mclcli.search.posterior import Weighing
     from mclcli.search.scene import Scene, View
 
-    Temper = Callable[[NDArray[np.float64]], float]
+    Temper = Callable[[FloatArray], float]
 
 ROOM = 60_000  # leaves that are enumerated at most
 _SHALLOWEST = 0.05  # nats
@@ -50,9 +49,9 @@ class Mode:
     probability of this place; ``low`` and ``high`` bound its share of the mass under the likelihood field alone.
     """
 
-    pose: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    node: NDArray[np.float64]
+    pose: FloatArray
+    covariance: FloatArray
+    node: FloatArray
     log_likelihood: float
     log_beam: float
     share: float
@@ -154,7 +153,7 @@ def _judge(
     )
 
 
-def calibrated(weighed: Weighing) -> tuple[NDArray[np.float64], float]:
+def calibrated(weighed: Weighing) -> tuple[FloatArray, float]:
     """Shares (M,) and that of being elsewhere, once the best has the probability that its figures stand for."""
     best = probability(weighed.figures)
     doubt = 1.0 - float(weighed.shares[0])

@@ -10,8 +10,7 @@ import numpy as np
 from mclcli.geometry import se2
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.search.branching import Found
     from mclcli.search.lattice import Lattice
 
@@ -26,9 +25,9 @@ class Peaks:
     A mass is Σ exp(alpha·(value − best)) over the leaves around a peak; ``rest`` is that of those around none of them.
     """
 
-    keys: NDArray[np.int64]
-    values: NDArray[np.float64]
-    masses: NDArray[np.float64]
+    keys: IntArray
+    values: FloatArray
+    masses: FloatArray
     rest: float
 
 

@@ -15,8 +15,7 @@ import numpy as np
 from mclcli.search.calibration import Figures
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.search.branching import Found, Search
     from mclcli.search.modes import Peaks
     from mclcli.search.scene import Scene, View
@@ -33,10 +32,10 @@ class Weighing:
     ``log_beam`` (≤ M,) by number of peak. Everything is as the models say, before the calibration.
     """
 
-    order: NDArray[np.int64]
-    shares: NDArray[np.float64]
+    order: IntArray
+    shares: FloatArray
     elsewhere: float
-    log_beam: NDArray[np.float64]
+    log_beam: FloatArray
     figures: Figures
 
 
@@ -80,7 +79,7 @@ def _log_off_map(scene: Scene, view: View, search: Search, best: float, alpha: f
     return math.log(prior / (1.0 - prior)) + math.log(search.lattice.size) + alpha * (stray - best)
 
 
-def _log_odds(log_masses: NDArray[np.float64], first: int, log_off: float, rest: float) -> float:
+def _log_odds(log_masses: FloatArray, first: int, log_off: float, rest: float) -> float:
     """Log odds of one place against all else, bounded."""
     others = np.logaddexp.reduce([*np.delete(log_masses, first), log_off, rest])
     return float(np.clip(log_masses[first] - others, -_CLEAREST, _CLEAREST))

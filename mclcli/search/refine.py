@@ -17,8 +17,7 @@ import numpy as np
 from mclcli.geometry import se2
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.likelihood_field import LikelihoodField
 
@@ -37,25 +36,23 @@ class Refinement:
     ``alpha`` is the temperature of the log-likelihood, ``precision`` (3,) that of a Gaussian around the poses given.
     """
 
-    reach: NDArray[np.float64]
-    spacing: NDArray[np.float64]
+    reach: FloatArray
+    spacing: FloatArray
     alpha: float
-    precision: NDArray[np.float64]
+    precision: FloatArray
 
 
-def on_lattice(spacing: NDArray[np.float64], alpha: float) -> Refinement:
+def on_lattice(spacing: FloatArray, alpha: float) -> Refinement:
     """From poses of the lattice, which are the best within a step of it."""
     return Refinement(2.0 * spacing, spacing, alpha, np.zeros(3))
 
 
-def after_drift(spacing: NDArray[np.float64], alpha: float) -> Refinement:
+def after_drift(spacing: FloatArray, alpha: float) -> Refinement:
     """From poses that fit scans joined by odometry, to those that fit the later ones of them."""
     return Refinement(2.0 * _DRIFT, spacing, alpha, 1.0 / _DRIFT**2)
 
 
-def refine(
-    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], how: Refinement
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def refine(model: LikelihoodField, beams: Beams, poses: FloatArray, how: Refinement) -> tuple[FloatArray, FloatArray]:
     """Poses (M, 3) of local maxima, one near each of ``poses`` (M, 3), and their covariances (M, 3, 3).
 
     A covariance is the inverse curvature of the tempered log-likelihood.
@@ -80,8 +77,8 @@ def refine(
 
 
 def _along_the_step(
-    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], starts: NDArray[np.float64], how: Refinement
-) -> NDArray[np.float64]:
+    model: LikelihoodField, beams: Beams, poses: FloatArray, starts: FloatArray, how: Refinement
+) -> FloatArray:
     """Poses (M, 6, 3) one Gauss–Newton step away, half of it, a quarter, and so on."""
     gradients, curvatures = _normal_equations(model, beams, poses)
     gradients = how.alpha * gradients - how.precision * (poses - starts)
@@ -93,9 +90,7 @@ def _along_the_step(
     return np.asarray(poses[:, np.newaxis] + _SHARES * np.clip(steps, -longest, longest)[:, np.newaxis])
 
 
-def _normal_equations(
-    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _normal_equations(model: LikelihoodField, beams: Beams, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
     """−Σ w d J / σ² (M, 3) and Σ w J Jᵀ / σ² (M, 3, 3); derivatives by differences over a cell."""
     p = model.parameters
     ends, h = beams.endpoints, model.field.resolution
@@ -113,9 +108,7 @@ def _normal_equations(
     return -(weighted * d[:, 0, :, np.newaxis]).sum(axis=1), np.einsum("mbi,mbj->mij", weighted, jacobian)
 
 
-def _covariances(
-    model: LikelihoodField, beams: Beams, poses: NDArray[np.float64], how: Refinement
-) -> NDArray[np.float64]:
+def _covariances(model: LikelihoodField, beams: Beams, poses: FloatArray, how: Refinement) -> FloatArray:
     _, curvatures = _normal_equations(model, beams, poses)
     steps = np.outer(how.spacing, how.spacing)
     values, vectors = np.linalg.eigh((how.alpha * curvatures + np.diag(how.precision)) * steps)

@@ -16,8 +16,7 @@ from mclcli.sensors.endpoints import Anchoring
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.search.lattice import Places
     from mclcli.sensors.beam import BeamModel
     from mclcli.sensors.beams import Beams
@@ -40,7 +39,7 @@ class Scene:
     pyramid: Pyramid
     rays: BeamModel
     places: Places
-    known: NDArray[np.int64]
+    known: IntArray
     about: tuple[float, float] = (0.0, math.pi)
 
     @property
@@ -49,7 +48,7 @@ class Scene:
         p = self.model.parameters
         return Anchoring(p.field_anchor == "half_cell", p.origin_yaw == "use")
 
-    def to_map(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_map(self, cells: FloatArray) -> FloatArray:
         """Poses (N, 3) in map of columns, rows [cells, continuous] and yaws in the field's frame."""
         field, turned = self.model.field, self.model.parameters.origin_yaw == "use"
         shift = 0.5 if self.model.parameters.field_anchor == "half_cell" else 0.0
@@ -82,7 +81,7 @@ def allowed_cells(
     policy: str,
     region: tuple[float, float, float, float] | None = None,
     disc: tuple[float, float, float] | None = None,
-) -> NDArray[np.bool_]:
+) -> BoolArray:
     """Cells (H, W) whose centre may be the base: by ``policy`` (``base_cells``), in a box and a disc of the map.
 
     ``region`` is x0, y0, x1, y1 [m], ``disc`` x, y and radius [m].
@@ -104,7 +103,7 @@ def allowed_cells(
     return limited
 
 
-def count_known(grid: OccupancyGrid, scene_model: LikelihoodField) -> NDArray[np.int64]:
+def count_known(grid: OccupancyGrid, scene_model: LikelihoodField) -> IntArray:
     """How many known cells have each level of the field (L,)."""
     field = scene_model.field
     return np.bincount(field.codes[~grid.unknown], minlength=field.levels.size)
@@ -121,7 +120,7 @@ def sightings_of(scene: Scene, bearings: Sequence[Bearings], model: BearingModel
     return Sightings(marks, np.array([peak, -0.5 / sigma**2, eps / se2.TAU, 1e-15, most]))
 
 
-def _marks(scene: Scene, bearings: Bearings) -> NDArray[np.float64]:
+def _marks(scene: Scene, bearings: Bearings) -> FloatArray:
     count, field = bearings.angles.size, scene.model.field
     poses = np.column_stack([bearings.landmarks.reshape(count, 2), np.zeros(count)])
     column, row, _ = scene.anchoring.to_cells(field, poses)

@@ -12,13 +12,13 @@ from mclcli.sensors.beams import Beams
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray, IntArray
 
 _ARM = 0.5  # m: turning by a radian shows as much anew as driving so far
 _STANDING = 0.05  # m: scans nearer than this to the last one chosen show nothing new
 
 
-def spread(odom_from_base: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+def spread(odom_from_base: FloatArray, count: int) -> IntArray:
     """Numbers of at most ``count`` of the poses (N, 3), evenly along the way; the last one is always among them."""
     steps = se2.between(odom_from_base[:-1], odom_from_base[1:])
     way = np.concatenate([[0.0], np.cumsum(np.hypot(steps[:, 0], steps[:, 1]) + _ARM * np.abs(steps[:, 2]))])
@@ -32,7 +32,7 @@ def halves(count: int) -> list[int]:
     return [count >> n for n in range(1, count.bit_length())]
 
 
-def join(parts: Sequence[tuple[Beams, NDArray[np.float64]]]) -> Beams:
+def join(parts: Sequence[tuple[Beams, FloatArray]]) -> Beams:
     """Beams of several scans, each with the pose ``now_from_then`` (3,) of its base, as beams of one scan.
 
     They are put in the order of the directions in which they end: neighbours hit the same walls, whichever scan they
@@ -48,6 +48,6 @@ def join(parts: Sequence[tuple[Beams, NDArray[np.float64]]]) -> Beams:
     return Beams(origins[order], directions[order], ranges[order], max(beams.r_max for beams, _ in parts))
 
 
-def _moved(points: NDArray[np.float64], pose: Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+def _moved(points: FloatArray, pose: Sequence[float] | FloatArray) -> FloatArray:
     c, s = np.cos(pose[2]), np.sin(pose[2])
     return np.asarray(np.asarray(points) @ np.array([[c, s], [-s, c]]) + np.asarray(pose[:2]))

@@ -14,7 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 
 @final
@@ -31,15 +31,15 @@ class Measurement:
     """
 
     sensor: str
-    log_likelihood: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    log_likelihood: Callable[[FloatArray], FloatArray]
     count: int
     log_peak: float
     log_floor: float = field(default=-math.inf, kw_only=True)
     alpha: float | str = 1.0
-    each: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None
+    each: Callable[[FloatArray], FloatArray] | None = None
     unknown: int = 0
 
 
-def floored_log(p: NDArray[np.float64], floor: float) -> NDArray[np.float64]:
+def floored_log(p: FloatArray, floor: float) -> FloatArray:
     """log max(p, floor): keeps one impossible reading from ruling out a pose."""
     return np.log(np.maximum(p, floor))

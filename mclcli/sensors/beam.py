@@ -24,8 +24,7 @@ from mclcli.sensors import Measurement, beam_forms, endpoints, floored_log
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors.beam_forms import BeamParameters, Components
     from mclcli.sensors.beams import Beams
     from mclcli.world.raycast import RayCaster
@@ -56,21 +55,21 @@ class BeamModel:
         each = functools.partial(self.each, beams)
         return Measurement(sensor, score, beams.ranges.size, peak, alpha, each, log_floor=floor)
 
-    def expected(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def expected(self, beams: Beams, poses: FloatArray) -> FloatArray:
         """Expected ranges r* (N, B) [m], up to r_max; with ``no_return=censored`` as far beyond as it matters."""
         limit = beams.r_max + (_TAIL * self.parameters.sigma_hit if self._censored else 0.0)
         return self.caster.ranges(poses, beams.origins, beams.directions, limit)
 
-    def components(self, r: NDArray[np.float64], r_star: NDArray[np.float64], r_max: float) -> Components:
+    def components(self, r: FloatArray, r_star: FloatArray, r_max: float) -> Components:
         """What each component adds to p(r | r*), shapes broadcast."""
         form = beam_forms.FORMS[self.parameters.beam_form]
         return form(self.parameters, r, r_star, r_max, 0.5 * self.caster.resolution)
 
-    def log_p(self, r: NDArray[np.float64], r_star: NDArray[np.float64], r_max: float) -> NDArray[np.float64]:
+    def log_p(self, r: FloatArray, r_star: FloatArray, r_max: float) -> FloatArray:
         """Log-likelihood of readings r where r* is expected, shapes broadcast, floored at log 1e-12."""
         return floored_log(self._likelihood(r, r_star, r_max), beam_forms.FLOOR)
 
-    def each(self, beams: Beams, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def each(self, beams: Beams, pose: FloatArray) -> FloatArray:
         """Log-likelihood (B,) of each beam alone at one pose (3,)."""
         return self.log_p(beams.ranges, self.expected(beams, pose[np.newaxis])[0], beams.r_max)
 
@@ -78,10 +77,10 @@ class BeamModel:
     def _censored(self) -> bool:
         return self.parameters.no_return == "censored" and self.parameters.beam_form == "textbook"
 
-    def _likelihood(self, r: NDArray[np.float64], r_star: NDArray[np.float64], r_max: float) -> NDArray[np.float64]:
+    def _likelihood(self, r: FloatArray, r_star: FloatArray, r_max: float) -> FloatArray:
         return self.components(r, r_star, r_max).total()
 
-    def likelihood_of_many(self, beams: Beams) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    def likelihood_of_many(self, beams: Beams) -> Callable[[FloatArray], FloatArray]:
         """p(r | r*) of expected ranges (N, B), which may be overwritten; rounded otherwise than ``_likelihood``.
 
         Casting rays has brought compiled code into this process, so the mixture of such ranges is always compiled.
@@ -94,17 +93,17 @@ class BeamModel:
         unseen = np.flatnonzero(readings >= r_max) if self._censored else np.empty(0, np.intp)
         kernel = backend.load("beam_mixture").textbook
 
-        def likelihood(expected: NDArray[np.float64]) -> NDArray[np.float64]:
+        def likelihood(expected: FloatArray) -> FloatArray:
             weights, scratch = (p.z_hit, p.z_short, p.z_max), np.empty((2, readings.size))
             kernel(table, unseen, r_max, half_cell, p.sigma_hit, rate, *weights, expected.reshape(-1), scratch)
             return expected
 
         return likelihood
 
-    def _combine(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _combine(self, likelihood: FloatArray) -> FloatArray:
         return beam_forms.COMBINATIONS[self.parameters.combination](likelihood)
 
-    def _combine_many(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _combine_many(self, likelihood: FloatArray) -> FloatArray:
         """``_combine``, rounded otherwise; see ``likelihood_of_many``."""
         if self.parameters.combination != "log":
             return self._combine(likelihood)
@@ -112,12 +111,12 @@ class BeamModel:
         backend.load("beam_mixture").sum_log(likelihood, beam_forms.FLOOR, out)
         return out
 
-    def _perfect(self, beams: Beams) -> NDArray[np.float64]:
+    def _perfect(self, beams: Beams) -> FloatArray:
         """Expected ranges (B,) that equal the readings; far beyond r_max where there was no return."""
         far = beams.r_max + (_TAIL * self.parameters.sigma_hit if self._censored else 0.0)
         return np.where(beams.ranges >= beams.r_max, far, np.maximum(beams.ranges, 0.0))
 
-    def _score(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _score(self, beams: Beams, poses: FloatArray) -> FloatArray:
         """Log-likelihood (N,) of poses (N, 3) of the base in map; NaN where a pose is not finite."""
         out = np.empty(poses.shape[0])
         size = max(1, endpoints.PAIRS // max(1, beams.ranges.size))

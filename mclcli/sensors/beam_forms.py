@@ -22,11 +22,10 @@ from mclcli.world.raycast import CAST_METHODS
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
-    Array = NDArray[np.float64]
-    Form = Callable[["BeamParameters", Array, Array, float, float], "Components"]
-    Combination = Callable[[Array], Array]
+    Form = Callable[["BeamParameters", FloatArray, FloatArray, float, float], "Components"]
+    Combination = Callable[[FloatArray], FloatArray]
 
 FLOOR: Final = 1e-12
 _SQRT2: Final = math.sqrt(2.0)
@@ -38,17 +37,17 @@ _SQRT_TAU: Final = math.sqrt(2.0 * math.pi)
 class Components:
     """What each component adds to p(r | r*), (N, B) each [1/m, or a probability where a reading is r_max]."""
 
-    hit: Array
-    short: Array
-    max: Array
-    rand: Array
+    hit: FloatArray
+    short: FloatArray
+    max: FloatArray
+    rand: FloatArray
 
-    def total(self) -> Array:
+    def total(self) -> FloatArray:
         """p(r | r*), (N, B)."""
         return np.asarray(self.hit + self.short + self.max + self.rand)
 
 
-def textbook(p: BeamParameters, r: Array, r_star: Array, r_max: float, half_cell: float) -> Components:
+def textbook(p: BeamParameters, r: FloatArray, r_star: FloatArray, r_max: float, half_cell: float) -> Components:
     """Densities whose integral over [0, r_max] is 1 − z_max, and the mass z_max at r_max.
 
     Readings from r_max on count as r_max, where all components add up; with ``no_return=censored`` only max and hit do:
@@ -73,7 +72,7 @@ def textbook(p: BeamParameters, r: Array, r_star: Array, r_max: float, half_cell
     return Components(hit, short, np.broadcast_to(np.where(nothing, p.z_max, 0.0), hit.shape), rand)
 
 
-def textbook_terms(p: BeamParameters, r: Array, r_max: float) -> tuple[Array, float]:
+def textbook_terms(p: BeamParameters, r: FloatArray, r_max: float) -> tuple[FloatArray, float]:
     """What of ``textbook`` does not depend on r*, (5, B), and λ, for the kernel ``beam_mixture``, which see."""
     there, nothing, seen = r >= 0.0, r >= r_max, np.minimum(r, r_max)
     rate = p.lambda_short if p.lambda_short * r_max >= 1e-12 else 0.0  # 0 stands for the limit 1/r*
@@ -83,7 +82,7 @@ def textbook_terms(p: BeamParameters, r: Array, r_max: float) -> tuple[Array, fl
     return np.stack([seen, there.astype(np.float64), np.where(there, p.z_short * decay, 0.0), bound, always]), rate
 
 
-def _hit_density(r: Array, r_star: Array, sigma: float, r_max: float) -> Array:
+def _hit_density(r: FloatArray, r_star: FloatArray, sigma: float, r_max: float) -> FloatArray:
     """N(r; r*, σ²) / (Φ((r_max − r*)/σ) − Φ(−r*/σ)), the difference as a sum: nothing cancels, however large σ is."""
     from scipy.special import erf
 
@@ -93,14 +92,14 @@ def _hit_density(r: Array, r_star: Array, sigma: float, r_max: float) -> Array:
     return np.asarray(density)
 
 
-def _short_density(r: Array, r_star: Array, rate: float, r_max: float) -> Array:
+def _short_density(r: FloatArray, r_star: FloatArray, rate: float, r_max: float) -> FloatArray:
     """λ e^{−λr} / (1 − e^{−λr*}), 1/r* in the limit λ → 0; r* must be above 0."""
     if rate * r_max < 1e-12:
         return 1.0 / r_star
     return np.asarray(rate * np.exp(-rate * np.maximum(r, 0.0)) / -np.expm1(-rate * r_star))
 
 
-def nav2(p: BeamParameters, r: Array, r_star: Array, r_max: float, half_cell: float) -> Components:
+def nav2(p: BeamParameters, r: FloatArray, r_star: FloatArray, r_max: float, half_cell: float) -> Components:
     """As nav2_amcl: no normalisers; r = r_max adds z_max, r < r_max the uniform, r > r_max neither."""
     del half_cell
     z = r - r_star
@@ -112,7 +111,7 @@ def nav2(p: BeamParameters, r: Array, r_star: Array, r_max: float, half_cell: fl
     return Components(hit, short, np.broadcast_to(at_max, hit.shape), np.broadcast_to(rand, hit.shape))
 
 
-def beluga(p: BeamParameters, r: Array, r_star: Array, r_max: float, half_cell: float) -> Components:
+def beluga(p: BeamParameters, r: FloatArray, r_star: FloatArray, r_max: float, half_cell: float) -> Components:
     """As Beluga: hit normalised on [0, r_max], short on [0, r*]; z_max from r_max on, else the uniform."""
     del half_cell
     hit = p.z_hit * _hit_density(r, np.minimum(r_star, r_max), p.sigma_hit, r_max)
@@ -123,18 +122,18 @@ def beluga(p: BeamParameters, r: Array, r_star: Array, r_max: float, half_cell: 
     return Components(hit, short, np.broadcast_to(at_max, hit.shape), np.broadcast_to(rand, hit.shape))
 
 
-def sum_of_logs(likelihood: Array) -> Array:
+def sum_of_logs(likelihood: FloatArray) -> FloatArray:
     """Σ log max(p, 1e-12) over the last axis."""
     floored = np.maximum(likelihood, FLOOR)
     return np.asarray(np.log(floored, out=floored).sum(axis=-1))
 
 
-def one_plus_cubes(likelihood: Array) -> Array:
+def one_plus_cubes(likelihood: FloatArray) -> FloatArray:
     """log(1 + Σ p³) over the last axis."""
     return np.asarray(np.log1p((likelihood**3).sum(axis=-1)))
 
 
-def cubes(likelihood: Array) -> Array:
+def cubes(likelihood: FloatArray) -> FloatArray:
     """log Σ p³ over the last axis; −inf where all p are 0."""
     with np.errstate(divide="ignore"):
         return np.asarray(np.log((likelihood**3).sum(axis=-1)))

@@ -15,8 +15,7 @@ import numpy as np
 from mclcli.sensors import endpoints
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.endpoints import Anchoring
     from mclcli.world.distance_field import Codes, DistanceField
@@ -39,10 +38,10 @@ def kept_beams(
     rule: BeamSkipping,
     field: DistanceField,
     beams: Beams,
-    poses: NDArray[np.float64],
+    poses: FloatArray,
     anchoring: Anchoring = endpoints.CORNER,
     found: Codes | None = None,
-) -> NDArray[np.bool_] | None:
+) -> BoolArray | None:
     """Which beams (B,) count for these poses (N, 3); None if no pose can have a likelihood other than 0.
 
     ``found`` (B, N) are the codes of the cells where the beams end, if somebody has looked them up already.
@@ -61,10 +60,10 @@ def _agreeing(
     rule: BeamSkipping,
     field: DistanceField,
     beams: Beams,
-    poses: NDArray[np.float64],
+    poses: FloatArray,
     anchoring: Anchoring,
     found: Codes | None,
-) -> NDArray[np.int64]:
+) -> IntArray:
     """How many poses find an obstacle near each beam's end (B,)."""
     near = int(np.count_nonzero(field.levels < rule.distance))  # levels ascend, and codes with them
     if found is not None:
@@ -78,7 +77,7 @@ def _agreeing(
     return count
 
 
-def has_converged(poses: NDArray[np.float64]) -> bool:
+def has_converged(poses: FloatArray) -> bool:
     """nav2_amcl's test: every particle within 0.5 m of the unweighted mean, in x and in y."""
     x, y = np.ascontiguousarray(poses[:, :2].T)
     farthest = max(np.abs(x - x.mean()).max(), np.abs(y - y.mean()).max())

@@ -15,11 +15,10 @@ from mclcli.parameters import parameter, validate
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.records import LaserScan
 
-    Sweep = Callable[[NDArray[np.int64]], NDArray[np.float64]]  # beams' numbers (K,) to poses (K, 3) of the base
+    Sweep = Callable[[IntArray], FloatArray]  # beams' numbers (K,) to poses (K, 3) of the base
 
 
 @final
@@ -87,19 +86,19 @@ class Beams:
     in the scan; ``slots`` how many beams there would be if none were invalid.
     """
 
-    origins: NDArray[np.float64]
-    directions: NDArray[np.float64]
-    ranges: NDArray[np.float64]
+    origins: FloatArray
+    directions: FloatArray
+    ranges: FloatArray
     r_max: float
-    indices: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
+    indices: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     slots: int = 0
 
     @property
-    def endpoints(self) -> NDArray[np.float64]:
+    def endpoints(self) -> FloatArray:
         """Endpoints (B, 2) [m] in the base frame."""
         return self.origins + self.ranges[:, np.newaxis] * self.directions
 
-    def subset(self, kept: NDArray[np.bool_]) -> Beams:
+    def subset(self, kept: BoolArray) -> Beams:
         """The beams that ``kept`` (B,) marks."""
         indices = self.indices[kept] if self.indices.size else self.indices
         return replace(
@@ -130,7 +129,7 @@ def maximum_range(scan: LaserScan, selection: BeamSelection) -> float:
 
 
 def select(
-    scan: LaserScan, base_from_sensor: NDArray[np.float64], selection: BeamSelection, sweep: Sweep | None = None
+    scan: LaserScan, base_from_sensor: FloatArray, selection: BeamSelection, sweep: Sweep | None = None
 ) -> Beams:
     """Beams of a scan to score, through the sensor's mount (4, 4) with its full 3-D rotation.
 
@@ -152,13 +151,11 @@ def select(
     return _from_base(beams) if selection.beam_origin == "base" else beams
 
 
-def _swept(
-    origins: NDArray[np.float64], directions: NDArray[np.float64], bases: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _swept(origins: FloatArray, directions: FloatArray, bases: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Origins and directions (K, 2) of beams, each from a base of its own (K, 3)."""
     c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
 
-    def turned(v: NDArray[np.float64]) -> NDArray[np.float64]:
+    def turned(v: FloatArray) -> FloatArray:
         return np.stack([c * v[:, 0] - s * v[:, 1], s * v[:, 0] + c * v[:, 1]], axis=-1)
 
     return bases[:, :2] + turned(origins), turned(directions)
@@ -172,9 +169,9 @@ def _from_base(beams: Beams) -> Beams:
     return replace(beams, origins=np.zeros_like(ends), directions=directions, ranges=ranges)
 
 
-def _prepared(scan: LaserScan, selection: BeamSelection, r_max: float) -> NDArray[np.float64]:
+def _prepared(scan: LaserScan, selection: BeamSelection, r_max: float) -> FloatArray:
     """Ranges (B,) as they are scored, NaN where a reading is left out."""
-    ranges: NDArray[np.float64] = scan.ranges
+    ranges: FloatArray = scan.ranges
     if selection.short_range == "max":
         ranges = np.asarray(np.where(ranges <= _minimum_range(scan, selection), r_max, ranges), np.float64)
     if selection.max_range == "score":
@@ -195,7 +192,7 @@ def _minimum_range(scan: LaserScan, selection: BeamSelection) -> float:
     return max(scan.range_min, selection.laser_min_range)
 
 
-def _subsample(valid: NDArray[np.bool_], selection: BeamSelection) -> tuple[NDArray[np.int64], int]:
+def _subsample(valid: BoolArray, selection: BeamSelection) -> tuple[IntArray, int]:
     """Indices of the beams looked at, and how many there can be."""
     n, k = valid.size, selection.max_beams
     if selection.beam_subsampling == "even_valid":
@@ -212,7 +209,7 @@ def _subsample(valid: NDArray[np.bool_], selection: BeamSelection) -> tuple[NDAr
 
 
 @functools.lru_cache(maxsize=8)
-def _directions(angle_min: float, increment: float, count: int, mount: bytes, rule: str) -> NDArray[np.float64]:
+def _directions(angle_min: float, increment: float, count: int, mount: bytes, rule: str) -> FloatArray:
     """Directions (count, 2) of all beams of a lidar on its ``mount`` (4, 4): the same in every scan."""
     base_from_sensor = np.frombuffer(mount).reshape(4, 4)
     if rule == "nav2":
@@ -224,9 +221,7 @@ def _directions(angle_min: float, increment: float, count: int, mount: bytes, ru
     return np.stack([a * cos + b * sin, c * cos + d * sin], axis=-1)
 
 
-def _nav2_angles(
-    angle_min: float, increment: float, count: int, base_from_sensor: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _nav2_angles(angle_min: float, increment: float, count: int, base_from_sensor: FloatArray) -> FloatArray:
     """Angles in the base frame as nav2_amcl derives them: two beams are turned, their difference is the increment.
 
     The sum of start and increment is formed in single precision, so that the last beams are off by up to 5e-5 rad.
@@ -241,7 +236,7 @@ def _nav2_angles(
 
 
 @functools.lru_cache(maxsize=1024)
-def _evenly(n: int, k: int) -> NDArray[np.int64]:
+def _evenly(n: int, k: int) -> IntArray:
     """k of n indices, the first and the last among them: ⌈i(n−1)/(k−1)⌉; all where k is 0 or at least n."""
     if k in {0, n} or k > n:
         chosen = np.arange(n)

@@ -21,8 +21,7 @@ from mclcli.parameters import parameter, validate
 from mclcli.sensors import Measurement, floored_log
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.records import LandmarkSightings
     from mclcli.world.landmarks import Landmarks
 
@@ -55,15 +54,15 @@ class Bearings:
     ``ids`` (M,) and ``unknown_ids`` say which is which.
     """
 
-    origin: NDArray[np.float64]
-    angles: NDArray[np.float64]
-    landmarks: NDArray[np.float64]
+    origin: FloatArray
+    angles: FloatArray
+    landmarks: FloatArray
     unknown: int
     ids: tuple[str, ...] = ()
     unknown_ids: tuple[str, ...] = ()
 
 
-def observe(sightings: LandmarkSightings, base_from_sensor: NDArray[np.float64], landmarks: Landmarks) -> Bearings:
+def observe(sightings: LandmarkSightings, base_from_sensor: FloatArray, landmarks: Landmarks) -> Bearings:
     """Bearings from rays in the sensor's frame, through its mount (4, 4): the rays are rotated level first.
 
     A ray straight up or down has no bearing; it counts as unknown.
@@ -78,7 +77,7 @@ def observe(sightings: LandmarkSightings, base_from_sensor: NDArray[np.float64],
     return Bearings(base_from_sensor[:2, 3], angles, landmarks.positions[index[known], :2], len(others), ids, others)
 
 
-def expected_angles(bearings: Bearings, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+def expected_angles(bearings: Bearings, pose: FloatArray) -> FloatArray:
     """Bearings (M,) [rad] relative to the base's heading that the map expects at a pose (3,)."""
     camera = se2.compose(pose, [*bearings.origin, 0.0])
     offset = bearings.landmarks - camera[:2]
@@ -100,13 +99,13 @@ class BearingModel:
         score, unknown = functools.partial(self._score, bearings), bearings.unknown
         return Measurement(sensor, score, count, float(peak), alpha, unknown=unknown, log_floor=float(floor))
 
-    def log_p(self, error: NDArray[np.float64]) -> NDArray[np.float64]:
+    def log_p(self, error: FloatArray) -> FloatArray:
         """Log-likelihood of bearing errors [rad] in (−π, π], any shape."""
         sigma, eps = self.parameters.sigma_bearing, self.parameters.eps_outlier
         density = np.exp(-0.5 * (error / sigma) ** 2) / (sigma * math.sqrt(se2.TAU))
         return floored_log((1.0 - eps) * density + eps / se2.TAU, FLOOR)
 
-    def _score(self, bearings: Bearings, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _score(self, bearings: Bearings, poses: FloatArray) -> FloatArray:
         """Log-likelihood (N,) of poses (N, 3) of the base in map."""
         total = np.full(poses.shape[0], -math.log(se2.TAU) * bearings.unknown)
         pairs = poses.shape[0] * bearings.angles.size
@@ -114,7 +113,7 @@ class BearingModel:
         (self._add_compiled if is_compiled else self._add)(bearings, poses, total)
         return total
 
-    def _add(self, bearings: Bearings, poses: NDArray[np.float64], total: NDArray[np.float64]) -> None:
+    def _add(self, bearings: Bearings, poses: FloatArray, total: FloatArray) -> None:
         """Add each known bearing's log-likelihood to ``total`` (N,)."""
         c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
         camera_x = poses[:, 0] + c * bearings.origin[0] - s * bearings.origin[1]
@@ -123,7 +122,7 @@ class BearingModel:
             expected = np.arctan2(landmark[1] - camera_y, landmark[0] - camera_x) - poses[:, 2]
             total += self.log_p(se2.wrap(angle - expected))
 
-    def _add_compiled(self, bearings: Bearings, poses: NDArray[np.float64], total: NDArray[np.float64]) -> None:
+    def _add_compiled(self, bearings: Bearings, poses: FloatArray, total: FloatArray) -> None:
         """``_add`` by the kernel ``bearing.sum_log_p``, which rounds otherwise."""
         sigma, eps = self.parameters.sigma_bearing, self.parameters.eps_outlier
         sightings = np.stack([*bearings.landmarks.T, np.cos(bearings.angles), np.sin(bearings.angles)])

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.world.distance_field import Codes, DistanceField
 
 BLOCK = 4096  # poses whose temporaries stay in the second-level cache
@@ -39,9 +40,7 @@ class Anchoring:
         yaw = yaw if self.yaw else 0.0
         return x, y, math.cos(yaw), math.sin(yaw), yaw, field.resolution, 0.5 if self.half_cell else 0.0
 
-    def to_cells(
-        self, field: DistanceField, poses: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    def to_cells(self, field: DistanceField, poses: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Poses (N, 3) in map as column, row [cells, continuous] and yaw [rad] in the field's own frame."""
         origin_x, origin_y, c, s, origin_yaw, resolution, shift = self.frame(field)
         dx, dy = poses[:, 0] - origin_x, poses[:, 1] - origin_y
@@ -54,14 +53,14 @@ CORNER = Anchoring()
 
 def sum_table(
     field: DistanceField,
-    table: NDArray[np.float64],
-    endpoints: NDArray[np.float64],
-    poses: NDArray[np.float64],
+    table: FloatArray,
+    endpoints: FloatArray,
+    poses: FloatArray,
     *,
     anchoring: Anchoring = CORNER,
     job_size: float = 0.0,
     threads: int = 1,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Σ_b table[code of the cell where beam b ends] (N,), for endpoints (B, 2) [m] in the base frame, poses (N, 3).
 
     ``table`` (L + 1,) holds a value per level of the field, and one more for endpoints off the map. ``job_size`` hints
@@ -79,7 +78,7 @@ def sum_table(
     return out
 
 
-def _in_cells(field: DistanceField, endpoints: NDArray[np.float64]) -> NDArray[np.float64]:
+def _in_cells(field: DistanceField, endpoints: FloatArray) -> FloatArray:
     """Endpoints (B, 2) [m] as (2, B) [cells], in C order."""
     return np.divide(endpoints.T, field.resolution, order="C")
 
@@ -91,11 +90,11 @@ def is_compiled(field: DistanceField, steps: float) -> bool:
 
 def add_table(
     field: DistanceField,
-    table: NDArray[np.float64],
+    table: FloatArray,
     anchoring: Anchoring,
-    poses: NDArray[np.float64],
-    ends: NDArray[np.float64],
-    out: NDArray[np.float64],
+    poses: FloatArray,
+    ends: FloatArray,
+    out: FloatArray,
 ) -> None:
     """Add to ``out`` (N,) the table's value of the cell where each beam ends, ``ends`` (2, B) [cells], beam by beam."""
     for _, inside, cell in _cells(field, anchoring, poses, ends):
@@ -103,8 +102,8 @@ def add_table(
 
 
 def _cells(
-    field: DistanceField, anchoring: Anchoring, poses: NDArray[np.float64], ends: NDArray[np.float64]
-) -> Iterator[tuple[int, NDArray[np.bool_], NDArray[np.intp]]]:
+    field: DistanceField, anchoring: Anchoring, poses: FloatArray, ends: FloatArray
+) -> Iterator[tuple[int, BoolArray, NDArray[np.intp]]]:
     """Beam by beam: its number, which of its endpoints (N,) are on the map, and their cells."""
     height, width = field.codes.shape
     x, y, yaw = anchoring.to_cells(field, poses)
@@ -118,11 +117,11 @@ def _cells(
 
 def _add_compiled(
     field: DistanceField,
-    table: NDArray[np.float64],
+    table: FloatArray,
     anchoring: Anchoring,
-    poses: NDArray[np.float64],
-    ends: NDArray[np.float64],
-    out: NDArray[np.float64],
+    poses: FloatArray,
+    ends: FloatArray,
+    out: FloatArray,
 ) -> None:
     """``add_table``, equal to the bit, by the kernel ``likelihood_field.sum_log_p``."""
     scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
@@ -132,14 +131,14 @@ def _add_compiled(
 
 def sum_interpolated(
     field: DistanceField,
-    law: NDArray[np.float64],
-    endpoints: NDArray[np.float64],
-    poses: NDArray[np.float64],
+    law: FloatArray,
+    endpoints: FloatArray,
+    poses: FloatArray,
     *,
     cubes: bool,
     anchoring: Anchoring = CORNER,
     threads: int = 1,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Σ_b log p (N,), or Σ_b p³, of distances interpolated between cells, by the kernel of that name, which see."""
     ends, frame = _in_cells(field, endpoints).ravel(), anchoring.frame(field)
     out, poses = np.zeros(poses.shape[0]), np.ascontiguousarray(poses)
@@ -156,8 +155,8 @@ def sum_interpolated(
 
 def look_up(
     field: DistanceField,
-    endpoints: NDArray[np.float64],
-    poses: NDArray[np.float64],
+    endpoints: FloatArray,
+    poses: FloatArray,
     *,
     anchoring: Anchoring = CORNER,
     job_size: float = 0.0,
@@ -178,7 +177,7 @@ def look_up(
     return found
 
 
-def count_below(found: Codes, limit: int) -> NDArray[np.int64]:
+def count_below(found: Codes, limit: int) -> IntArray:
     """How many codes of each row (B,) of ``found`` (B, N) are below a limit."""
     counts = np.zeros(found.shape[0], np.int64)
     if backend.in_use():
@@ -187,7 +186,7 @@ def count_below(found: Codes, limit: int) -> NDArray[np.int64]:
     return np.asarray(np.count_nonzero(found < limit, axis=1), np.int64)
 
 
-def sum_looked_up(found: Codes, table: NDArray[np.float64], job_size: float = 0.0) -> NDArray[np.float64]:
+def sum_looked_up(found: Codes, table: FloatArray, job_size: float = 0.0) -> FloatArray:
     """Σ_b table[found[b]] (N,): with ``look_up``, the same as ``sum_table``, to the bit."""
     out = np.zeros(found.shape[1])
     if backend.worth_compiling(max(job_size, found.size)):
@@ -228,12 +227,12 @@ def for_each(task: Callable[[int], None], starts: range, threads: int) -> None:
 
 def distances(
     field: DistanceField,
-    endpoints: NDArray[np.float64],
-    poses: NDArray[np.float64],
+    endpoints: FloatArray,
+    poses: FloatArray,
     *,
     bilinear: bool = False,
     anchoring: Anchoring = CORNER,
-) -> NDArray[np.float64]:
+) -> FloatArray:
     """Distance to the nearest obstacle (N, B) [m] at each endpoint; +inf off the map.
 
     ``bilinear`` interpolates between the centres of the four nearest cells, which near the border are repeated.
@@ -249,16 +248,16 @@ def distances(
     return np.where(inside, found, np.inf)
 
 
-def _level(field: DistanceField, row: NDArray[np.intp], column: NDArray[np.intp]) -> NDArray[np.float64]:
+def _level(field: DistanceField, row: NDArray[np.intp], column: NDArray[np.intp]) -> FloatArray:
     codes = field.codes.ravel().take(row * field.codes.shape[1] + column)
     return np.asarray(field.levels.take(codes))
 
 
-def _cell(coordinate: NDArray[np.float64], size: int) -> NDArray[np.intp]:
+def _cell(coordinate: FloatArray, size: int) -> NDArray[np.intp]:
     return np.clip(np.floor(coordinate), 0, size - 1).astype(np.intp)
 
 
-def _bilinear(field: DistanceField, column: NDArray[np.float64], row: NDArray[np.float64]) -> NDArray[np.float64]:
+def _bilinear(field: DistanceField, column: FloatArray, row: FloatArray) -> FloatArray:
     height, width = field.codes.shape
     column, row = column - 0.5, row - 0.5
     u, v = column - np.floor(column), row - np.floor(row)

@@ -12,8 +12,7 @@ from mclcli.geometry import se2
 from mclcli.sensors import bearing, likelihood_field
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors.beam import BeamModel
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.bearing import BearingModel, Bearings
@@ -42,7 +41,7 @@ class Explanation:
     log_p: float
 
 
-def explain_field(model: LikelihoodField, beams: Beams, pose: NDArray[np.float64]) -> list[Explanation]:
+def explain_field(model: LikelihoodField, beams: Beams, pose: FloatArray) -> list[Explanation]:
     """Every beam of a likelihood field, at one pose (3,)."""
     distance = model.distances(beams, pose[np.newaxis])[0]
     p = model.likelihood(distance, beams.r_max)
@@ -57,7 +56,7 @@ def explain_field(model: LikelihoodField, beams: Beams, pose: NDArray[np.float64
     ]
 
 
-def explain_beams(model: BeamModel, beams: Beams, pose: NDArray[np.float64]) -> list[Explanation]:
+def explain_beams(model: BeamModel, beams: Beams, pose: FloatArray) -> list[Explanation]:
     """Every beam of a beam mixture, at one pose (3,)."""
     expected = model.expected(beams, pose[np.newaxis])[0]
     parts = model.components(beams.ranges, expected, beams.r_max)
@@ -79,7 +78,7 @@ def explain_beams(model: BeamModel, beams: Beams, pose: NDArray[np.float64]) -> 
     ]
 
 
-def explain_bearings(model: BearingModel, bearings: Bearings, pose: NDArray[np.float64]) -> list[Explanation]:
+def explain_bearings(model: BearingModel, bearings: Bearings, pose: FloatArray) -> list[Explanation]:
     """Every sighting, known ids first, at one pose (3,)."""
     p = model.parameters
     expected = bearing.expected_angles(bearings, pose)

@@ -14,8 +14,7 @@ from mclcli.sensors import Measurement, beams, bearing
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors.beams import Beams, BeamSelection, Sweep
     from mclcli.sensors.bearing import BearingModel
     from mclcli.world.landmarks import Landmarks
@@ -40,9 +39,7 @@ class Instrument(Protocol):
         """Why a reading cannot be used, empty if it can."""
         ...
 
-    def measure(
-        self, reading: Reading, base_from_sensor: NDArray[np.float64], sweep: Sweep | None = None
-    ) -> Measurement:
+    def measure(self, reading: Reading, base_from_sensor: FloatArray, sweep: Sweep | None = None) -> Measurement:
         """Measurement of a reading, through the sensor's mount (4, 4) on the base at the update's stamp.
 
         With ``sweep`` the mount is that on the base at each beam's time, see ``beams.select``.
@@ -82,9 +79,7 @@ class Lidar:
             return "scan with angles not finite"
         return ""
 
-    def measure(
-        self, reading: Reading, base_from_sensor: NDArray[np.float64], sweep: Sweep | None = None
-    ) -> Measurement:
+    def measure(self, reading: Reading, base_from_sensor: FloatArray, sweep: Sweep | None = None) -> Measurement:
         """Measurement of a scan."""
         assert isinstance(reading, LaserScan)  # noqa: S101 - see problem()
         chosen = beams.select(reading, base_from_sensor, self.selection, sweep)
@@ -107,9 +102,7 @@ class Camera:
             return "not a sighting of landmarks"
         return "" if np.isfinite(reading.rays).all() else "sighting with a position that is not finite"
 
-    def measure(
-        self, reading: Reading, base_from_sensor: NDArray[np.float64], sweep: Sweep | None = None
-    ) -> Measurement:
+    def measure(self, reading: Reading, base_from_sensor: FloatArray, sweep: Sweep | None = None) -> Measurement:
         """Measurement of the sightings in one image, made at one moment."""
         del sweep
         assert isinstance(reading, LandmarkSightings)  # noqa: S101 - see problem()
@@ -119,7 +112,7 @@ class Camera:
 def combine(instrument: Instrument, measurements: Sequence[Measurement]) -> Measurement:
     """One measurement for all readings of an instrument since the last update; none at all scores 0."""
 
-    def log_likelihood(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def log_likelihood(poses: FloatArray) -> FloatArray:
         total = np.zeros(poses.shape[0])
         for measurement in measurements:
             total += measurement.log_likelihood(poses)

@@ -24,8 +24,7 @@ from mclcli.sensors.beam_skipping import BeamSkipping, kept_beams
 from mclcli.sensors.endpoints import Anchoring
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors.beams import Beams
     from mclcli.world.distance_field import Codes, DistanceField
 
@@ -103,7 +102,7 @@ class LikelihoodField:
     parameters: LikelihoodFieldParameters
     job_size: float = 0.0
     threads: int = 1
-    _tables: dict[float, NDArray[np.float64]] = dataclasses.field(default_factory=dict, init=False, repr=False)
+    _tables: dict[float, FloatArray] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
     def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
         """Measurement that scores poses against these beams."""
@@ -115,7 +114,7 @@ class LikelihoodField:
         each = functools.partial(self.each, beams)
         return Measurement(sensor, score, beams.ranges.size, peak, alpha, each, log_floor=floor)
 
-    def likelihood(self, distance: NDArray[np.float64], r_max: float) -> NDArray[np.float64]:
+    def likelihood(self, distance: FloatArray, r_max: float) -> FloatArray:
         """p of readings that end at these distances [m] from an obstacle, any shape.
 
         +inf stands for off the map, NaN for an unknown cell that is not to be judged by its distance.
@@ -128,7 +127,7 @@ class LikelihoodField:
             likelihood = np.where(np.isinf(distance), 1.0 / r_max, likelihood)
         return _single(likelihood) if p.field_precision == "single_likelihood" else likelihood
 
-    def _hit(self, square: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _hit(self, square: FloatArray) -> FloatArray:
         """z_hit · exp(−d² / 2σ²) of squared distances, divided by σ√2π where it is to be a density."""
         p = self.parameters
         if p.field_precision == "single_distance":
@@ -149,7 +148,7 @@ class LikelihoodField:
         p = self.parameters
         return p.z_hit / (p.sigma_hit * math.sqrt(2.0 * math.pi)) if p.hit_normalised == "yes" else p.z_hit
 
-    def _law(self, r_max: float) -> NDArray[np.float64]:
+    def _law(self, r_max: float) -> FloatArray:
         """``likelihood`` as the kernel ``interpolated_field`` has it, which see."""
         p, furthest = self.parameters, self.field.max_dist
         factor = max(-0.5 / p.sigma_hit / p.sigma_hit, -1e300)
@@ -157,11 +156,11 @@ class LikelihoodField:
         unknown = self._square_of_uniform(r_max)
         return np.array([factor, self._amplitude, p.z_rand / r_max, off_map, unknown, furthest, FLOOR])
 
-    def term(self, likelihood: NDArray[np.float64]) -> NDArray[np.float64]:
+    def term(self, likelihood: FloatArray) -> FloatArray:
         """What a beam adds to the sum: log p, or p³."""
         return likelihood**3 if self._cubes else floored_log(likelihood, FLOOR)
 
-    def table(self, r_max: float) -> NDArray[np.float64]:
+    def table(self, r_max: float) -> FloatArray:
         """Term (L + 1,) of a reading that ends at each level of the field, and of one that ends off the map."""
         if r_max not in self._tables:  # all scans of a lidar have the same, so keep the last one
             table = self.term(self.likelihood(np.append(self.field.levels, np.inf), r_max))
@@ -170,12 +169,12 @@ class LikelihoodField:
             self._tables[r_max] = table
         return self._tables[r_max]
 
-    def distances(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def distances(self, beams: Beams, poses: FloatArray) -> FloatArray:
         """Distance (N, B) [m] at each endpoint; +inf off the map."""
         bilinear = self.parameters.field_lookup == "bilinear"
         return endpoints.distances(self.field, beams.endpoints, poses, bilinear=bilinear, anchoring=self._anchoring)
 
-    def each(self, beams: Beams, pose: NDArray[np.float64]) -> NDArray[np.float64]:
+    def each(self, beams: Beams, pose: FloatArray) -> FloatArray:
         """Log-likelihood (B,) of each beam alone at one pose (3,).
 
         A large job looks it up as it does its sums, to the same bits; a small one does so for all beams at once.
@@ -194,13 +193,13 @@ class LikelihoodField:
     def _anchoring(self) -> Anchoring:
         return Anchoring(self.parameters.field_anchor == "half_cell", self.parameters.origin_yaw == "use")
 
-    def _score(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _score(self, beams: Beams, poses: FloatArray) -> FloatArray:
         """Log-likelihood (N,) of poses (N, 3) of the base in map."""
         if self.parameters.do_beamskip:
             return self._score_skipping(beams, poses)
         return self._score_all(beams, poses)
 
-    def _score_all(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _score_all(self, beams: Beams, poses: FloatArray) -> FloatArray:
         if self.parameters.field_lookup == "bilinear":
             total = self._sum_bilinear(beams, poses)
         else:
@@ -215,7 +214,7 @@ class LikelihoodField:
             )
         return np.log1p(total) if self._cubes else total
 
-    def _sum_bilinear(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _sum_bilinear(self, beams: Beams, poses: FloatArray) -> FloatArray:
         """Sum (N,) over beams of log p or p³; the compiled loop rounds otherwise than NumPy."""
         steps = max(self.job_size, poses.shape[0] * beams.ranges.size)
         if self.parameters.field_precision == "double" and endpoints.is_compiled(self.field, steps):
@@ -239,7 +238,7 @@ class LikelihoodField:
         endpoints.for_each(sum_block, range(0, poses.shape[0], size), self.threads)
         return out
 
-    def _score_skipping(self, beams: Beams, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _score_skipping(self, beams: Beams, poses: FloatArray) -> FloatArray:
         """Log-likelihood (N,) by the beams that count (see ``beam_skipping``); −inf if no pose is possible.
 
         Codes that were looked up to choose the beams serve again for the sum, where they are not too many to keep.
@@ -257,10 +256,10 @@ class LikelihoodField:
         total = endpoints.sum_looked_up(found, self.table(beams.r_max), self.job_size)
         return np.log1p(total) if self._cubes else total
 
-    def _look_up(self, beams: Beams, poses: NDArray[np.float64]) -> Codes:
+    def _look_up(self, beams: Beams, poses: FloatArray) -> Codes:
         return endpoints.look_up(self.field, beams.endpoints, poses, anchoring=self._anchoring, job_size=self.job_size)
 
 
-def _single(values: NDArray[np.float64]) -> NDArray[np.float64]:
+def _single(values: FloatArray) -> FloatArray:
     """Values rounded to single precision."""
     return values.astype(np.float32).astype(np.float64)

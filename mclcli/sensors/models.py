@@ -14,9 +14,7 @@ from mclcli.world.raycast import make_caster
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.explain import Explanation
     from mclcli.sensors.instruments import LidarModel
@@ -25,7 +23,7 @@ if TYPE_CHECKING:
 
     FieldMaker = Callable[..., DistanceField]
     Maker = Callable[[OccupancyGrid, Any, FieldMaker, float, int], LidarModel]
-    Explainer = Callable[[Any, Beams, NDArray[np.float64]], list[Explanation]]
+    Explainer = Callable[[Any, Beams, FloatArray], list[Explanation]]
 
 
 @final

@@ -6,9 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors.instruments import Reading
 
 
@@ -23,5 +21,5 @@ class Observation:
 
     topic: str
     reading: Reading
-    odom_from_base: NDArray[np.float64]
-    base_from_sensor: NDArray[np.float64]
+    odom_from_base: FloatArray
+    base_from_sensor: FloatArray

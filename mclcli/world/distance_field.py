@@ -19,6 +19,7 @@ from mclcli.world.squared_distance import squared_distances
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray
     from mclcli.world.occupancy import OccupancyGrid
 
     Codes = NDArray[np.uint16] | NDArray[np.uint32]
@@ -38,9 +39,9 @@ class DistanceField:
     """
 
     codes: Codes
-    levels: NDArray[np.float64]
+    levels: FloatArray
     resolution: float
-    origin: NDArray[np.float64]
+    origin: FloatArray
 
     @property
     def max_dist(self) -> float:
@@ -52,7 +53,7 @@ class DistanceField:
         """Whether every cell is at the clamp: nothing on the map is occupied within reach."""
         return bool((self.codes == self.levels.size - 1).all())
 
-    def metres(self) -> NDArray[np.float64]:
+    def metres(self) -> FloatArray:
         """Distances (H, W) float64 [m]."""
         return self.levels[self.codes]
 
@@ -88,13 +89,13 @@ def compute(
     return _marked(grid, field, grid.unknown | (grid.occupied & ~occupied)) if mark_unknown else field
 
 
-def _beside_free(grid: OccupancyGrid) -> NDArray[np.bool_]:
+def _beside_free(grid: OccupancyGrid) -> BoolArray:
     """Cells with a free one among their 4 neighbours."""
     free = np.pad(grid.free, 1)
     return free[:-2, 1:-1] | free[2:, 1:-1] | free[1:-1, :-2] | free[1:-1, 2:]
 
 
-def _marked(grid: OccupancyGrid, field: DistanceField, cells: NDArray[np.bool_]) -> DistanceField:
+def _marked(grid: OccupancyGrid, field: DistanceField, cells: BoolArray) -> DistanceField:
     """Field with NaN in some cells: a level of its own, before the last."""
     last = field.levels.size - 1
     codes = field.codes.astype(np.uint32)
@@ -108,7 +109,7 @@ def from_metres(grid: OccupancyGrid, metres: NDArray[np.floating], max_dist: flo
 
     Distances closer than 1 µm are one level: path lengths summed in another order differ by rounding alone.
     """
-    below: NDArray[np.bool_] = metres < max_dist
+    below: BoolArray = metres < max_dist
     values = metres[below].astype(np.float64)
     rank, first = _ranked(np.rint(values * 1e6))
     levels = np.append(values[first], max_dist)
@@ -117,7 +118,7 @@ def from_metres(grid: OccupancyGrid, metres: NDArray[np.floating], max_dist: flo
     return _field(grid, codes, levels)
 
 
-def _ranked(whole: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def _ranked(whole: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Rank (N,) of each whole number ≥ 0 among the distinct ones, and where each of those stands first."""
     if whole.size == 0 or whole.max() > 16 * whole.size:
         _, first, rank = np.unique(whole, return_index=True, return_inverse=True)
@@ -129,7 +130,7 @@ def _ranked(whole: NDArray[np.float64]) -> tuple[NDArray[np.intp], NDArray[np.in
     return (np.cumsum(there) - 1)[numbers], place[there]
 
 
-def _exact(grid: OccupancyGrid, occupied: NDArray[np.bool_], max_dist: float) -> DistanceField:
+def _exact(grid: OccupancyGrid, occupied: BoolArray, max_dist: float) -> DistanceField:
     """Euclidean distances; codes are squared distances in cells where those fit a table."""
     reach = max_dist / grid.resolution
     if reach * reach >= np.iinfo(np.uint16).max - 1:
@@ -140,7 +141,7 @@ def _exact(grid: OccupancyGrid, occupied: NDArray[np.bool_], max_dist: float) ->
     return _field(grid, squared_distances(occupied, levels.size - 1).astype(np.uint16, copy=False), levels)
 
 
-def _brushfire(occupied: NDArray[np.bool_], reach: float) -> NDArray[np.float64]:
+def _brushfire(occupied: BoolArray, reach: float) -> FloatArray:
     """Shortest 8-neighbour path lengths [cells], steps 1 and √2; right at least up to ``reach``."""
     distance = np.where(occupied, 0.0, np.inf)
     rounds = min(math.ceil(reach), sum(occupied.shape))
@@ -155,7 +156,7 @@ def _brushfire(occupied: NDArray[np.bool_], reach: float) -> NDArray[np.float64]
     return distance
 
 
-def _relax(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+def _relax(distance: FloatArray) -> FloatArray:
     """One step outwards to all eight neighbours."""
     height, width = distance.shape
     padded = np.pad(distance, 1, constant_values=np.inf)
@@ -167,7 +168,7 @@ def _relax(distance: NDArray[np.float64]) -> NDArray[np.float64]:
     return relaxed
 
 
-def _field(grid: OccupancyGrid, codes: Codes, levels: NDArray[np.float64]) -> DistanceField:
+def _field(grid: OccupancyGrid, codes: Codes, levels: FloatArray) -> DistanceField:
     if levels.size <= np.iinfo(np.uint16).max:
         codes = codes.astype(np.uint16, copy=False)
     codes.flags.writeable = False

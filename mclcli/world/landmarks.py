@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray, IntArray
 
 
 @final
@@ -26,7 +26,7 @@ class Landmarks:
     """
 
     ids: tuple[str, ...]
-    positions: NDArray[np.float64]
+    positions: FloatArray
     _index: dict[str, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -40,6 +40,6 @@ class Landmarks:
         object.__setattr__(self, "positions", positions)
         object.__setattr__(self, "_index", index)
 
-    def lookup(self, ids: Sequence[str]) -> NDArray[np.int64]:
+    def lookup(self, ids: Sequence[str]) -> IntArray:
         """Row of each id in ``positions``, −1 for those not in the map, shape (M,) for M ids."""
         return np.array([self._index.get(name, -1) for name in ids], dtype=np.int64)

@@ -12,6 +12,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray
+
 FREE: Final = 0
 OCCUPIED: Final = 100
 UNKNOWN: Final = -1
@@ -35,7 +37,7 @@ class OccupancyGrid:
 
     cells: NDArray[np.int8]
     resolution: float
-    origin: NDArray[np.float64]
+    origin: FloatArray
     _digest: list[str] = field(default_factory=list, init=False, repr=False)  # once it is known
 
     def __post_init__(self) -> None:
@@ -60,39 +62,39 @@ class OccupancyGrid:
         return int(self.cells.shape[1])
 
     @property
-    def occupied(self) -> NDArray[np.bool_]:
+    def occupied(self) -> BoolArray:
         """Which cells are occupied, (H, W)."""
         return np.equal(self.cells, OCCUPIED)
 
     @property
-    def free(self) -> NDArray[np.bool_]:
+    def free(self) -> BoolArray:
         """Which cells are free, (H, W)."""
         return np.equal(self.cells, FREE)
 
     @property
-    def unknown(self) -> NDArray[np.bool_]:
+    def unknown(self) -> BoolArray:
         """Which cells are unknown, (H, W)."""
         return np.equal(self.cells, UNKNOWN)
 
-    def to_cells(self, points: ArrayLike) -> NDArray[np.float64]:
+    def to_cells(self, points: ArrayLike) -> FloatArray:
         """Continuous (column, row), (..., 2), of points (..., 2) [m] in map; its floor is the containing cell."""
         offset = np.asarray(points, dtype=np.float64) - self.origin[:2]  # first, so that far origins cost no digits
         c, s = math.cos(self.origin[2]), math.sin(self.origin[2])
         dx, dy = offset[..., 0], offset[..., 1]
         return np.stack([c * dx + s * dy, c * dy - s * dx], axis=-1) / self.resolution
 
-    def to_map(self, column_row: ArrayLike) -> NDArray[np.float64]:
+    def to_map(self, column_row: ArrayLike) -> FloatArray:
         """Points (..., 2) [m] in map of continuous (column, row); a cell's centre is its indices + 0.5."""
         scaled = np.asarray(column_row, dtype=np.float64) * self.resolution
         c, s = math.cos(self.origin[2]), math.sin(self.origin[2])
         u, v = scaled[..., 0], scaled[..., 1]
         return np.stack([c * u - s * v, s * u + c * v], axis=-1) + self.origin[:2]
 
-    def contains(self, points: ArrayLike) -> NDArray[np.bool_]:
+    def contains(self, points: ArrayLike) -> BoolArray:
         """Whether points (..., 2) [m] in map lie on a cell, shape (...); NaN and infinity do not."""
         with np.errstate(invalid="ignore"):  # 0 · ∞
             column_row = self.to_cells(points)
-        inside: NDArray[np.bool_] = np.asarray((column_row >= 0.0) & (column_row < [self.width, self.height]))
+        inside: BoolArray = np.asarray((column_row >= 0.0) & (column_row < [self.width, self.height]))
         return np.asarray(inside.all(axis=-1))
 
     def digest(self) -> str:

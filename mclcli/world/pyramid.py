@@ -14,6 +14,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.world.distance_field import DistanceField
 
 OFF_MAP = 255  # the bin of what is off the map
@@ -54,7 +55,7 @@ class Pyramid:
     """
 
     pool: NDArray[np.uint8]
-    shapes: NDArray[np.int64]
+    shapes: IntArray
 
 
 def bins_of(field: DistanceField) -> NDArray[np.uint8]:
@@ -63,7 +64,7 @@ def bins_of(field: DistanceField) -> NDArray[np.uint8]:
     return np.floor(np.clip(share, 0.0, 1.0) * _LAST_BIN).astype(np.uint8)
 
 
-def bound_table(field: DistanceField, log_p: NDArray[np.float64]) -> NDArray[np.float64]:
+def bound_table(field: DistanceField, log_p: FloatArray) -> FloatArray:
     """Greatest value (256,) of a cell in this bin or in a later one; ``log_p`` (L + 1,) ends with off the map."""
     table = np.full(OFF_MAP + 1, -np.inf)
     np.maximum.at(table, bins_of(field), log_p[:-1])
@@ -71,7 +72,7 @@ def bound_table(field: DistanceField, log_p: NDArray[np.float64]) -> NDArray[np.
     return np.maximum.accumulate(table[::-1])[::-1].copy()
 
 
-def layout(height: int, width: int) -> NDArray[np.int64]:
+def layout(height: int, width: int) -> IntArray:
     """``Pyramid.shapes`` for a field of this size."""
     shapes, start = np.zeros((COARSE + 1, 5), np.int64), 0
     for level in LEVELS:
@@ -84,7 +85,7 @@ def layout(height: int, width: int) -> NDArray[np.int64]:
     return shapes
 
 
-def size_of(shapes: NDArray[np.int64]) -> int:
+def size_of(shapes: IntArray) -> int:
     """Bytes that the windows of a layout take."""
     return int((shapes[:, 1] * shapes[:, 2]).sum())
 

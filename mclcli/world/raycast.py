@@ -25,6 +25,7 @@ from mclcli.native import backend
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray
     from mclcli.world.occupancy import OccupancyGrid
 
 CAST_METHODS: Final = ("exact", "approximate", "bresenham_nav2", "bresenham_beluga")
@@ -43,15 +44,15 @@ class RayCaster:
     method: str
     table: NDArray[np.bool_ | np.uint8]
     resolution: float
-    origin: NDArray[np.float64]
+    origin: FloatArray
 
     def ranges(
         self,
-        poses: NDArray[np.float64],
-        origins: NDArray[np.float64],
-        directions: NDArray[np.float64],
+        poses: FloatArray,
+        origins: FloatArray,
+        directions: FloatArray,
         max_range: float,
-    ) -> NDArray[np.float64]:
+    ) -> FloatArray:
         """Expected ranges (N, B) [m] along the beams, ``max_range`` where they meet nothing; NaN for poses not finite.
 
         They are at most ``max_range``, but for ``bresenham_nav2``, which may see a cell further.
@@ -84,9 +85,7 @@ class RayCaster:
         backend.load("raycast").in_metres(out.reshape(-1), limit, self.resolution, max_range, most)
         return out
 
-    def _cast(
-        self, poses: NDArray[np.float64], rays: NDArray[np.float64], limit: float, out: NDArray[np.float64]
-    ) -> None:
+    def _cast(self, poses: FloatArray, rays: FloatArray, limit: float, out: FloatArray) -> None:
         if self.method == "exact":
             backend.load("raycast").exact(self.table, poses, rays, limit, out)
         elif self.method == "approximate":
@@ -99,7 +98,7 @@ class RayCaster:
             bresenham = backend.load("raycast").bresenham
             bresenham(self.table, poses, rays, limit, self.method == "bresenham_nav2", out)
 
-    def _to_cells(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _to_cells(self, poses: FloatArray) -> FloatArray:
         """Column, row [cells, continuous], cosine and sine of the yaw (N, 4), in the frame of the map's cells."""
         if self.method == "bresenham_nav2":  # cells are counted from the middle, centred half a cell off, and level
             half = np.array(self.table.shape[::-1]) // 2
@@ -128,7 +127,7 @@ def make_caster(grid: OccupancyGrid, *, method: str = "exact", ray_unknown: str 
     return RayCaster(method, table, grid.resolution, grid.origin)
 
 
-def _open_squares(blocked: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _open_squares(blocked: BoolArray) -> NDArray[np.uint8]:
     squares = np.empty((4, blocked.shape[0] + 2, blocked.shape[1] + 2), np.uint8)
     backend.load("raycast").fill_squares(blocked, squares)
     return squares

@@ -20,6 +20,8 @@ from mclcli.native import backend
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray
+
     Whole = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32]
 
 _ROWS = 32  # rows that are worked on together: three copies of them fit the second-level cache
@@ -27,7 +29,7 @@ _LOOKS = frozenset((1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024))  # at these k,
 _PASSES_IN_NUMPY = 64  # beyond, where there is a compiler's worth of work, parabolas are faster
 
 
-def squared_distances(occupied: NDArray[np.bool_], limit: int) -> NDArray[np.uint16] | NDArray[np.uint32]:
+def squared_distances(occupied: BoolArray, limit: int) -> NDArray[np.uint16] | NDArray[np.uint32]:
     """Squared distances (H, W) [cells²] to the nearest cell of ``occupied``, at most ``limit`` < 2³¹."""
     reach = math.isqrt(limit - 1) + 1 if limit > 0 else 0
     along_columns = _along_columns(occupied, reach)
@@ -46,7 +48,7 @@ def squared_distances(occupied: NDArray[np.bool_], limit: int) -> NDArray[np.uin
     return out
 
 
-def _along_columns(occupied: NDArray[np.bool_], reach: int) -> Whole:
+def _along_columns(occupied: BoolArray, reach: int) -> Whole:
     """Distance (H, W) to the nearest occupied cell of the same column, at most ``reach``; downwards, then upwards."""
     kind = np.uint8 if reach < 2**8 - 1 else np.uint16 if reach < 2**16 - 1 else np.uint32
     distance = np.where(occupied, kind(0), kind(reach))

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray
+
 FREE, OCCUPIED, UNKNOWN = 0, 100, -1
 RESOLUTION = 0.05
 
@@ -44,7 +46,7 @@ class Landmarks:
     """Marks on the walls: ``ids`` (L,) and ``positions`` (L, 3) x, y, z [m], floor frame."""
 
     ids: tuple[str, ...]
-    positions: NDArray[np.float64]
+    positions: FloatArray
 
 
 @final
@@ -67,15 +69,15 @@ class Building:
     resolution: float = RESOLUTION
 
     @property
-    def occupied(self) -> NDArray[np.bool_]:
+    def occupied(self) -> BoolArray:
         """Cells that stop a beam, (H, W)."""
         return np.asarray(self.grid == OCCUPIED)
 
-    def to_map(self, floor_poses: ArrayLike) -> NDArray[np.float64]:
+    def to_map(self, floor_poses: ArrayLike) -> FloatArray:
         """Poses (…, 3) of the floor frame in the map frame."""
         return se2.compose(self.origin, floor_poses)
 
-    def to_floor(self, map_poses: ArrayLike) -> NDArray[np.float64]:
+    def to_floor(self, map_poses: ArrayLike) -> FloatArray:
         """Poses (…, 3) of the map frame in the floor frame."""
         return se2.compose(se2.inverse(self.origin), map_poses)
 
@@ -99,7 +101,7 @@ def patch(grid: NDArray[np.int8], rect: Rect) -> NDArray[np.int8]:
     return grid[y0:y1, x0:x1]
 
 
-def near(mask: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:
+def near(mask: BoolArray, cells: int) -> BoolArray:
     """Cells within ``cells`` (in x and in y) of a true cell of ``mask`` (H, W)."""
     grown = np.array(mask)
     for _ in range(cells):
@@ -121,9 +123,7 @@ def hollow(grid: NDArray[np.int8], bare: NDArray[np.int8] | None = None, skin: f
     return np.where((grid == OCCUPIED) & ~seen, np.int8(UNKNOWN), grid)
 
 
-def place_landmarks(
-    grid: NDArray[np.int8], walls: NDArray[np.bool_], seed: int, count: int, spacing: float
-) -> Landmarks:
+def place_landmarks(grid: NDArray[np.int8], walls: BoolArray, seed: int, count: int, spacing: float) -> Landmarks:
     """Up to ``count`` landmarks in free cells beside walls, at least ``spacing`` [m] apart, 1.2–1.8 m high.
 
     ``walls`` (H, W) are the cells a mark may hang on. Ids are ``1``, ``2``, … from left to right.
@@ -131,7 +131,7 @@ def place_landmarks(
     rng = stream(seed, Purpose.LANDMARKS)
     candidates = np.argwhere((grid == FREE) & near(walls, 1))
     points = (rng.permutation(candidates)[:, ::-1] + 0.5) * RESOLUTION
-    chosen: list[NDArray[np.float64]] = []
+    chosen: list[FloatArray] = []
     for point in points:
         if len(chosen) < count and all(np.hypot(*(point - other)) >= spacing for other in chosen):
             chosen.append(point)

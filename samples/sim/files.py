@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray
     from samples.sim.building import Building
     from samples.sim.robot import Trajectory
 
@@ -68,7 +69,7 @@ def write_lines(path: Path, lines: list[str]) -> None:
     path.write_bytes(("\n".join(lines) + "\n").encode())
 
 
-def _tum_row(stamp_ns: int, pose: NDArray[np.float64]) -> str:
+def _tum_row(stamp_ns: int, pose: FloatArray) -> str:
     seconds, nanoseconds = divmod(START_NS + stamp_ns, 1_000_000_000)
     half = 0.5 * float(se2.wrap(pose[2]))
     x, y = (float(v) + 0.0 for v in pose[:2])

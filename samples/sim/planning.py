@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import BoolArray, FloatArray
     from samples.sim.building import Building
 
 _FACTOR = 2  # grid cells per cell of the clearance grid, in each direction
@@ -24,7 +23,7 @@ _SMOOTHING = 7  # points averaged along a path
 class Terrain:
     """What a step costs: ``cost`` (h, w) per metre, inf where no robot fits; ``cell`` [m] the side of its cells."""
 
-    cost: NDArray[np.float64]
+    cost: FloatArray
     cell: float
 
 
@@ -38,7 +37,7 @@ def terrain(building: Building, clearance: float = 0.3) -> Terrain:
     return Terrain(np.where(distance > clearance, cost, np.inf), cell)
 
 
-def plan(ground: Terrain, start: tuple[float, float], goal: tuple[float, float]) -> NDArray[np.float64]:
+def plan(ground: Terrain, start: tuple[float, float], goal: tuple[float, float]) -> FloatArray:
     """Path (K, 2) [m] of about one point per terrain cell from near ``start`` to near ``goal``, smoothed.
 
     Raises
@@ -54,7 +53,7 @@ def plan(ground: Terrain, start: tuple[float, float], goal: tuple[float, float])
     return np.stack([np.convolve(padded[:, k], np.full(_SMOOTHING, 1 / _SMOOTHING), "valid") for k in (0, 1)], axis=-1)
 
 
-def _distance(blocked: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _distance(blocked: BoolArray) -> FloatArray:
     """Distance in cells between cell centres to the nearest blocked cell, at most ``_REACH``."""
     height, width = blocked.shape
     padded = np.pad(blocked, _REACH, constant_values=True)

@@ -9,16 +9,18 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray
+
 _BLOCK = 32768  # rays at a time: their working arrays stay in the processor's cache
 
 
 def cast(
-    occupied: NDArray[np.bool_],
+    occupied: BoolArray,
     resolution: float,
-    origins: NDArray[np.float64],
-    angles: NDArray[np.float64],
-    max_range: float | NDArray[np.float64],
-) -> NDArray[np.float64]:
+    origins: FloatArray,
+    angles: FloatArray,
+    max_range: float | FloatArray,
+) -> FloatArray:
     """Distance [m] from each origin to the border of the first occupied cell; inf beyond ``max_range`` or the grid.
 
     Parameters
@@ -49,9 +51,7 @@ def cast(
     return resolution * np.concatenate(parts) if parts else np.empty(0)
 
 
-def _march(
-    cells: NDArray[np.uint8], start: NDArray[np.float64], angles: NDArray[np.float64], limits: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _march(cells: NDArray[np.uint8], start: FloatArray, angles: FloatArray, limits: FloatArray) -> FloatArray:
     """Walk all rays from cell border to cell border (Amanatides and Woo 1987), lengths in cells.
 
     ``cells`` has a border of 2 around it; a ray ends on any cell that is not 0.
@@ -87,9 +87,7 @@ def _march(
     return result
 
 
-def cast_circles(
-    origins: NDArray[np.float64], angles: NDArray[np.float64], centres: NDArray[np.float64], radius: float
-) -> NDArray[np.float64]:
+def cast_circles(origins: FloatArray, angles: FloatArray, centres: FloatArray, radius: float) -> FloatArray:
     """Distance [m] to the nearest of the circles, inf where a ray meets none.
 
     ``origins`` (M, 2), ``angles`` (M,), ``centres`` (M, P, 2): every ray has its own positions of the P people. A ray
@@ -101,5 +99,5 @@ def cast_circles(
     across_squared = np.einsum("mpk,mpk->mp", offset, offset) - along**2
     depth = np.sqrt(np.maximum(radius**2 - across_squared, 0.0))
     distance = np.where((across_squared < radius**2) & (along > depth), along - depth, np.inf)
-    nearest: NDArray[np.float64] = np.min(distance, axis=1, initial=np.inf)
+    nearest: FloatArray = np.min(distance, axis=1, initial=np.inf)
     return nearest

@@ -16,6 +16,7 @@ from samples.sim.streams import Purpose, stream
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray, IntArray
     from samples.sim.building import Building
 
 START_NS = 1_715_697_000_000_000_000  # 2024-05-14T14:30:00Z: any fixed time, so that the bytes stay the same
@@ -56,11 +57,11 @@ class Recording:
     scenario: Scenario
     truth: Trajectory
     odom: Trajectory
-    twists: NDArray[np.float64]
-    scan_stamps_ns: NDArray[np.int64]
+    twists: FloatArray
+    scan_stamps_ns: IntArray
     ranges: NDArray[np.float32]
     sightings: tuple[Sighting, ...]
-    initial: NDArray[np.float64]
+    initial: FloatArray
 
 
 def simulate(scenario: Scenario) -> Recording:
@@ -93,7 +94,7 @@ def simulate(scenario: Scenario) -> Recording:
     )
 
 
-def drift(recording: Recording) -> NDArray[np.float64]:
+def drift(recording: Recording) -> FloatArray:
     """Error (T,) [m] of odometry alone, laid on the true pose at the start."""
     start = recording.truth.poses[0]
     guess = se2.compose(start, recording.odom.poses)
@@ -107,7 +108,7 @@ def _people(scenario: Scenario, today: Building) -> People:
     return People(routes, tuple(float(phase) for phase in phases))
 
 
-def _stated(truth: NDArray[np.float64], seed: int) -> NDArray[np.float64]:
+def _stated(truth: FloatArray, seed: int) -> FloatArray:
     """Pose as an operator clicks it: some 15 cm and 4° off."""
     error = stream(seed, Purpose.OPERATOR).normal(0.0, [0.15, 0.15, 0.07])
     return se2.compose(truth, error)

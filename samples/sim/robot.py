@@ -16,8 +16,7 @@ from samples.sim.streams import Purpose, stream
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray, IntArray
     from samples.sim.building import Building
     from samples.sim.planning import Terrain
 
@@ -65,10 +64,10 @@ class OdometryNoise:
 class Trajectory:
     """Poses (T, 3) x, y [m], yaw [rad] at ``stamps_ns`` (T,) int64, counted from the start of the drive."""
 
-    stamps_ns: NDArray[np.int64]
-    poses: NDArray[np.float64]
+    stamps_ns: IntArray
+    poses: FloatArray
 
-    def at(self, stamps_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+    def at(self, stamps_ns: IntArray) -> FloatArray:
         """Poses (…, 3) along constant twists; across a kidnapping the pose before it; the ends hold."""
         right = np.clip(np.searchsorted(self.stamps_ns, stamps_ns, side="right"), 1, len(self.stamps_ns) - 1)
         before, after = self.poses[right - 1], self.poses[right]
@@ -96,9 +95,7 @@ def travel(building: Building, ground: Terrain, tours: Sequence[Sequence[str]], 
     return Trajectory(stamps, np.array(poses))
 
 
-def odometry(
-    truth: Trajectory, noise: OdometryNoise, seed: int, every: int = 2
-) -> tuple[Trajectory, NDArray[np.float64]]:
+def odometry(truth: Trajectory, noise: OdometryNoise, seed: int, every: int = 2) -> tuple[Trajectory, FloatArray]:
     """Odometry from (0, 0, 0) at every ``every``-th stamp of the truth, and the twists (T, 3) [m/s, rad/s] at them."""
     rng = stream(seed, Purpose.ODOMETRY)
     stamps, poses = truth.stamps_ns[::every], truth.poses[::every]
@@ -116,7 +113,7 @@ def odometry(
     return Trajectory(stamps, np.array(estimate)), twists
 
 
-def _disturb(motion: NDArray[np.float64], noise: OdometryNoise, unit: NDArray[np.float64]) -> NDArray[np.float64]:
+def _disturb(motion: FloatArray, noise: OdometryNoise, unit: FloatArray) -> FloatArray:
     length, turn = np.hypot(motion[:, 0], motion[:, 1]), np.abs(motion[:, 2])
     length, turn = (np.where(size > _ROUNDING, size, 0.0) for size in (length, turn))  # a root would magnify it
     along = np.sqrt(noise.trans_per_trans**2 * length + noise.trans_per_yaw**2 * turn) * unit[:, 0]

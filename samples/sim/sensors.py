@@ -14,6 +14,7 @@ from samples.sim.streams import Purpose, stream
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
     from samples.sim.building import Building
     from samples.sim.robot import Trajectory
 
@@ -56,7 +57,7 @@ class Lidar:
     short: float = 0.01
 
     @property
-    def angles(self) -> NDArray[np.float64]:
+    def angles(self) -> FloatArray:
         """Beam angles (B,) [rad] in the sensor's frame, from the float32 fields that a LaserScan has."""
         start, step = (float(np.float32(v)) for v in (self.angle_min, self.angle_increment))
         return start + step * np.arange(self.beams, dtype=np.float64)
@@ -89,7 +90,7 @@ class Sighting:
 
     stamp_ns: int
     ids: tuple[str, ...]
-    bearings: NDArray[np.float64]
+    bearings: FloatArray
 
 
 @final
@@ -97,11 +98,11 @@ class Sighting:
 class People:
     """Walkers to and fro on ``routes`` (each (K, 2) [m]) at ``speed`` [m/s], starting ``phases`` [m] along them."""
 
-    routes: tuple[NDArray[np.float64], ...] = ()
+    routes: tuple[FloatArray, ...] = ()
     phases: tuple[float, ...] = ()
     speed: float = 1.1
 
-    def positions(self, stamps_ns: NDArray[np.int64], robot: NDArray[np.float64]) -> NDArray[np.float64]:
+    def positions(self, stamps_ns: IntArray, robot: FloatArray) -> FloatArray:
         """Positions (T, P, 2) [m]; whoever meets the robot at ``robot`` (T, 3) keeps clear of it."""
         if not self.routes:
             return np.empty((len(stamps_ns), 0, 2))
@@ -114,7 +115,7 @@ class People:
 
 def scans(
     lidar: Lidar, building: Building, people: People, truth: Trajectory, seed: int
-) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+) -> tuple[IntArray, NDArray[np.float32]]:
     """Stamps (S,) of the first beams and ranges (S, B) float32 [m] of every whole sweep within the truth."""
     stamps = _ticks(truth, lidar.rate, lidar.sweep)
     beam_ns = np.int64(round(lidar.sweep * 1e9 / lidar.beams)) * np.arange(lidar.beams)
@@ -147,13 +148,13 @@ def sightings(camera: Camera, building: Building, truth: Trajectory, seed: int) 
     ]
 
 
-def _ticks(truth: Trajectory, rate: float, sweep: float) -> NDArray[np.int64]:
+def _ticks(truth: Trajectory, rate: float, sweep: float) -> IntArray:
     last = int(truth.stamps_ns[-1]) - round(sweep * 1e9)
     period = round(1e9 / rate)
     return np.arange(period // 2, last, period, dtype=np.int64)
 
 
-def _along(route: NDArray[np.float64], walked: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along(route: FloatArray, walked: FloatArray) -> FloatArray:
     """Points (T, 2) after ``walked`` metres to and fro on a polyline."""
     legs = np.hypot(*np.diff(route, axis=0).T)
     marks = np.concatenate([[0.0], np.cumsum(legs)])
@@ -161,7 +162,7 @@ def _along(route: NDArray[np.float64], walked: NDArray[np.float64]) -> NDArray[n
     return np.stack([np.interp(folded, marks, route[:, k]) for k in (0, 1)], axis=-1)
 
 
-def _measured(lidar: Lidar, exact: NDArray[np.float64], seed: int) -> NDArray[np.float32]:
+def _measured(lidar: Lidar, exact: FloatArray, seed: int) -> NDArray[np.float32]:
     """Exact ranges (S, B) as the device reports them."""
     rng = stream(seed, Purpose.LIDAR)
     noise, lot, cut = rng.standard_normal(exact.shape), rng.random(exact.shape), rng.random(exact.shape)
@@ -177,8 +178,8 @@ def _recognised(
     camera: Camera,
     ids: tuple[str, ...],
     stamp_ns: int,
-    seen: NDArray[np.bool_],
-    bearings: NDArray[np.float64],
+    seen: BoolArray,
+    bearings: FloatArray,
 ) -> Sighting:
     """One image of the landmarks ``seen`` (L,) at ``bearings`` (L,)."""
     kept = [int(k) for k in np.flatnonzero(seen) if rng.random() >= camera.missed]

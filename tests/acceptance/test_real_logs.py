@@ -28,9 +28,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
     from benchmarks.accuracy import Case
+    from mclcli.arrays import FloatArray
     from tests.cli.support import Result
 
     Run = Callable[..., Result]
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.real
 
 
-def numbers(path: Path) -> NDArray[np.float64]:
+def numbers(path: Path) -> FloatArray:
     """x, y, yaw of a TUM file's rows."""
     rows = np.loadtxt(path)
     return np.column_stack((rows[:, 1:3], 2.0 * np.arctan2(rows[:, 6], rows[:, 7])))

@@ -28,7 +28,7 @@ from tests.io.ros_messages import STORES, build
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 ROOT = Path(__file__).resolve().parents[2]
 SAMPLES = ROOT / "samples"
@@ -65,7 +65,7 @@ class Table:
         lines = [line for line in text.splitlines() if not line.startswith("#")]
         self.names, *self.rows = list(csv.reader(lines))
 
-    def __getitem__(self, name: str) -> NDArray[np.float64]:
+    def __getitem__(self, name: str) -> FloatArray:
         at = self.names.index(name)
         return np.array([float(row[at]) for row in self.rows])
 

@@ -11,7 +11,9 @@ from mclcli.geometry.trajectory import Trajectory
 from tests.support import SECOND
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from mclcli.arrays import FloatArray
 
 EPOCH = 1_700_000_000 * SECOND
 
@@ -23,9 +25,7 @@ def drive(at: ArrayLike, speed: float = 0.5, turn: float = 0.1) -> Trajectory:
     return Trajectory(EPOCH + np.round(seconds * SECOND).astype(np.int64), poses)
 
 
-def shifted(
-    reference: Trajectory, dx: NDArray[np.float64] | float, dyaw: NDArray[np.float64] | float = 0.0
-) -> Trajectory:
+def shifted(reference: Trajectory, dx: FloatArray | float, dyaw: FloatArray | float = 0.0) -> Trajectory:
     """The reference with errors along the map's x, and in yaw."""
     size = reference.stamps_ns.size
     error = np.stack([np.broadcast_to(dx, size), np.zeros(size), np.broadcast_to(dyaw, size)], axis=-1)

@@ -18,7 +18,7 @@ from tests.io.traces import point
 from tests.support import SECOND
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 GAP = SECOND
 
@@ -32,7 +32,7 @@ def trajectory(*rows: tuple[float, ...]) -> Trajectory:
 LINE = trajectory((0, 0, 0, 0), (1, 2, 0, 0), (2, 4, 0, 0.5), (5, 4, 3, 0.5))
 
 
-def at(*seconds: float, gap_ns: int = GAP) -> tuple[NDArray[np.float64], list[bool]]:
+def at(*seconds: float, gap_ns: int = GAP) -> tuple[FloatArray, list[bool]]:
     poses, covered = LINE.at(np.array([round(s * SECOND) for s in seconds], dtype=np.int64), gap_ns)
     return poses, covered.tolist()
 

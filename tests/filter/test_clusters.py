@@ -15,7 +15,7 @@ from mclcli.geometry import se2
 from tests.reference import clusters as naive
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 poses_of = st.lists(
     st.tuples(st.floats(-2.5, 2.5), st.floats(-2.5, 2.5), st.floats(-math.pi, math.pi)), min_size=1, max_size=60
@@ -23,12 +23,12 @@ poses_of = st.lists(
 wrapped = pytest.mark.parametrize("wrap", [True, False])
 
 
-def equal(n: int) -> NDArray[np.float64]:
+def equal(n: int) -> FloatArray:
     """Equal weights."""
     return np.full(n, 1.0 / n)
 
 
-def blob(x: float, y: float, yaw: float, n: int, seed: int = 0) -> NDArray[np.float64]:
+def blob(x: float, y: float, yaw: float, n: int, seed: int = 0) -> FloatArray:
     """Particles close around a pose, yaw wrapped."""
     poses = np.random.default_rng(seed).normal([x, y, yaw], [0.1, 0.1, 0.05], (n, 3))
     poses[:, 2] = se2.wrap(poses[:, 2])

@@ -15,19 +15,19 @@ from mclcli.geometry import se2
 from tests.reference import filter as naive
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 PI = math.pi
 rows = st.tuples(st.floats(-50, 50), st.floats(-50, 50), st.floats(-PI, PI), st.floats(0.001, 1.0))
 clouds = st.lists(rows, min_size=1, max_size=30).map(np.array)
 
 
-def halves(cloud: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def halves(cloud: FloatArray) -> tuple[FloatArray, FloatArray]:
     return cloud[:, :3], cloud[:, 3] / cloud[:, 3].sum()
 
 
 @given(clouds)
-def test_covariance_is_symmetric_and_has_no_negative_direction(cloud: NDArray[np.float64]) -> None:
+def test_covariance_is_symmetric_and_has_no_negative_direction(cloud: FloatArray) -> None:
     covariance = estimate.weighted_mean(*halves(cloud)).covariance
     assert (covariance == covariance.T).all()
     assert np.linalg.eigvalsh(covariance).min() >= -1e-9 * max(1.0, np.trace(covariance))
@@ -47,7 +47,7 @@ def test_mean_and_covariance_agree_with_the_equation(yaw_spread: float) -> None:
 
 
 @given(st.tuples(st.floats(-1e6, 1e6), st.floats(-1e6, 1e6), st.floats(-3.14, 3.14)).map(np.array))
-def test_one_particle_is_the_estimate_and_knows_no_doubt(pose: NDArray[np.float64]) -> None:
+def test_one_particle_is_the_estimate_and_knows_no_doubt(pose: FloatArray) -> None:
     got = estimate.weighted_mean(pose[np.newaxis], np.ones(1))
     np.testing.assert_allclose(got.pose, pose, rtol=0, atol=1e-12)
     np.testing.assert_allclose(got.covariance, np.zeros((3, 3)), rtol=0, atol=1e-24)
@@ -68,9 +68,7 @@ def test_weight_pulls_the_mean() -> None:
 
 
 @given(clouds, st.tuples(st.floats(-50, 50), st.floats(-50, 50)), st.floats(-PI, PI))
-def test_moving_all_particles_moves_the_estimate(
-    cloud: NDArray[np.float64], shift: tuple[float, float], yaw: float
-) -> None:
+def test_moving_all_particles_moves_the_estimate(cloud: FloatArray, shift: tuple[float, float], yaw: float) -> None:
     poses, weights = halves(cloud)
     if abs(np.sum(weights * np.exp(1j * poses[:, 2]))) < 0.1:
         return  # headings that cancel have no mean
@@ -113,7 +111,7 @@ def test_clusters_are_found_once_and_only_when_asked_for(monkeypatch: pytest.Mon
     calls: list[int] = []
     find = clusters.find
 
-    def counting(poses: NDArray[np.float64], weights: NDArray[np.float64]) -> clusters.Clusters:
+    def counting(poses: FloatArray, weights: FloatArray) -> clusters.Clusters:
         calls.append(weights.size)
         return find(poses, weights)
 

@@ -16,7 +16,7 @@ from mclcli.filter.kld import KldParameters
 from tests.reference import kld as naive
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import IntArray
 
 errors, probabilities = st.floats(0.005, 0.5), st.floats(0.01, 0.999)
 
@@ -24,7 +24,7 @@ errors, probabilities = st.floats(0.005, 0.5), st.floats(0.01, 0.999)
 class InOrder:
     """A generator that leaves everything where it is."""
 
-    def permutation(self, n: int) -> NDArray[np.int64]:
+    def permutation(self, n: int) -> IntArray:
         return np.arange(n)
 
 

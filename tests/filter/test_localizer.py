@@ -25,9 +25,9 @@ from mclcli.sensors import Measurement
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
-    Poses = NDArray[np.float64]
+    Poses = FloatArray
 
 AHEAD = np.array([0.3, 0.0, 0.1])
 STILL = np.zeros(3)

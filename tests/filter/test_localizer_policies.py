@@ -17,8 +17,7 @@ from mclcli.sensors import Measurement
 from tests.reference import kld as naive
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.records import StepRecord
 
 QUIET = DifferentialMotion(DifferentialParameters(0.0, 0.0, 0.0, 0.0))
@@ -26,9 +25,7 @@ STILL = np.zeros(3)
 N = 40
 
 
-def steps(
-    increments: list[NDArray[np.float64]], poses: NDArray[np.float64], size: KldParameters, **parameters: Any
-) -> list[StepRecord]:
+def steps(increments: list[FloatArray], poses: FloatArray, size: KldParameters, **parameters: Any) -> list[StepRecord]:
     """Steps with a sensor that likes the first particle's place."""
     localizer = Localizer(QUIET, FilterParameters(**parameters), 0, size)
     state, records = initial_state(poses), []
@@ -39,7 +36,7 @@ def steps(
     return records
 
 
-def spread(n: int = N) -> NDArray[np.float64]:
+def spread(n: int = N) -> FloatArray:
     return np.column_stack([np.linspace(0.0, 3.0, n), np.zeros(n), np.zeros(n)])
 
 
@@ -82,7 +79,7 @@ def test_a_fixed_number_stays_whatever_the_belief() -> None:
     assert [len(record.weights) for record in records] == [N] * 3
 
 
-def two_heaps() -> NDArray[np.float64]:
+def two_heaps() -> FloatArray:
     """60 particles around (0, 0), which the sensor likes as much as 40 around (0, 9)."""
     near = np.random.default_rng(4).normal(0.0, 0.02, (100, 3))
     near[60:, 1] += 9.0

@@ -23,8 +23,7 @@ from tests.reference import recovery as naive
 from tests.worlds import drawn
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.records import StepRecord
 
 QUIET = DifferentialMotion(DifferentialParameters(0.0, 0.0, 0.0, 0.0))
@@ -73,7 +72,7 @@ def run(fits_per_beam: list[float], rule: str = "per_beam", beams: int = 10) -> 
     return records
 
 
-def anew(record: StepRecord, n: int, rng: np.random.Generator) -> NDArray[np.float64]:
+def anew(record: StepRecord, n: int, rng: np.random.Generator) -> FloatArray:
     """Far away, where nobody was."""
     del record
     return np.full((n, 3), 50.0) + rng.random((n, 3))

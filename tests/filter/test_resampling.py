@@ -14,7 +14,7 @@ from mclcli.filter.resampling import RESAMPLERS
 from tests.reference import filter as naive
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 each = pytest.mark.parametrize("name", RESAMPLERS)
 raw = st.lists(st.one_of(st.just(0.0), st.floats(1e-6, 1.0)), min_size=1, max_size=30)
@@ -31,13 +31,13 @@ class Fixed:
     def random(self, size: int | None = None) -> Any:
         return self.uniform if size is None else np.full(size, self.uniform)
 
-    def standard_exponential(self, size: int) -> NDArray[np.float64]:
+    def standard_exponential(self, size: int) -> FloatArray:
         return np.full(size, -math.log(max(self.uniform, 1e-300)))
 
 
 @each
 @given(weights=weight_sets, n=st.integers(1, 50), seed=seeds)
-def test_ancestors_ascend_in_range_and_have_weight(name: str, weights: NDArray[np.float64], n: int, seed: int) -> None:
+def test_ancestors_ascend_in_range_and_have_weight(name: str, weights: FloatArray, n: int, seed: int) -> None:
     ancestors = RESAMPLERS[name](weights, n, np.random.default_rng(seed))
     assert ancestors.shape == (n,)
     assert ancestors.dtype == np.int64
@@ -75,7 +75,7 @@ def test_no_resampler_scatters_more_than_independent_draws(name: str) -> None:
 
 
 @given(weights=weight_sets, n=st.integers(1, 50), seed=seeds)
-def test_systematic_draws_floor_or_ceiling(weights: NDArray[np.float64], n: int, seed: int) -> None:
+def test_systematic_draws_floor_or_ceiling(weights: FloatArray, n: int, seed: int) -> None:
     ancestors = RESAMPLERS["systematic"](weights, n, np.random.default_rng(seed))
     counts = np.bincount(ancestors, minlength=weights.size)
     assert (counts >= np.floor(n * weights - 1e-9)).all()

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 from mclcli.filter.resampling import RESAMPLERS, residual
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray, IntArray
 
 parts = st.lists(st.integers(0, 40), min_size=1, max_size=30).filter(any)
 
 
-def counts(weights: NDArray[np.float64], n: int, seed: int) -> NDArray[np.int64]:
+def counts(weights: FloatArray, n: int, seed: int) -> IntArray:
     """How often each particle is drawn."""
     return np.bincount(residual(weights, n, np.random.default_rng(seed)), minlength=weights.size)
 

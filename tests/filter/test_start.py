@@ -27,7 +27,7 @@ from tests.support import SECOND
 from tests.worlds import drawn
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 GRID = drawn("#..\n.?.", 0.5, (1.0, -2.0, 0.4))
 EMPTY = OdometryPath()
@@ -92,7 +92,7 @@ def test_a_robot_that_waits_to_be_told_starts_nowhere() -> None:
     assert WhenTold().place(Opening(0, EMPTY), 3, generator()) is Patience.SKIP
 
 
-def stated(seconds: float, *pose: float, covariance: NDArray[np.float64] | None = None) -> StampedPose:
+def stated(seconds: float, *pose: float, covariance: FloatArray | None = None) -> StampedPose:
     return StampedPose(int(seconds * SECOND), "map", np.array(pose), covariance)
 
 

@@ -17,32 +17,32 @@ from tests.reference import filter as naive
 if TYPE_CHECKING:
     from random import Random
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 logs = st.lists(st.floats(-1e4, 1e3), min_size=1, max_size=40).map(np.array)
 
 
 @given(logs)
-def test_log_sum_exp_agrees_with_the_equation(values: NDArray[np.float64]) -> None:
+def test_log_sum_exp_agrees_with_the_equation(values: FloatArray) -> None:
     assert weights.log_sum_exp(values) == pytest.approx(naive.log_sum_exp(values.tolist()), rel=1e-12, abs=1e-12)
 
 
 @given(logs, st.floats(-1e4, 1e4))
-def test_a_shift_comes_out_in_front(values: NDArray[np.float64], shift: float) -> None:
+def test_a_shift_comes_out_in_front(values: FloatArray, shift: float) -> None:
     shifted = weights.log_sum_exp(values + shift)
     assert shifted == pytest.approx(weights.log_sum_exp(values) + shift, rel=1e-12, abs=1e-9)
     np.testing.assert_allclose(weights.normalise(values + shift), weights.normalise(values), rtol=0, atol=1e-9)
 
 
 @given(logs)
-def test_weights_sum_to_one(values: NDArray[np.float64]) -> None:
+def test_weights_sum_to_one(values: FloatArray) -> None:
     normalised = weights.normalise(values)
     assert abs(math.fsum(normalised.tolist()) - 1.0) <= 1e-12
     np.testing.assert_allclose(normalised, naive.normalise(values.tolist()), rtol=1e-9, atol=1e-300)
 
 
 @given(logs)
-def test_the_softmax_knows_its_total(values: NDArray[np.float64]) -> None:
+def test_the_softmax_knows_its_total(values: FloatArray) -> None:
     shares, total = weights.softmax(values)
     np.testing.assert_array_equal(shares, weights.normalise(values))
     assert total == weights.log_sum_exp(values)
@@ -55,7 +55,7 @@ def test_many_weights_sum_to_one_too(n: int) -> None:
 
 
 @given(logs, st.randoms(use_true_random=False))
-def test_the_order_of_particles_does_not_matter(values: NDArray[np.float64], random: Random) -> None:
+def test_the_order_of_particles_does_not_matter(values: FloatArray, random: Random) -> None:
     order = list(range(values.size))
     random.shuffle(order)
     np.testing.assert_allclose(weights.normalise(values[order]), weights.normalise(values)[order], rtol=1e-12)
@@ -87,7 +87,7 @@ def test_what_can_be_normalised(values: list[float], usable: bool) -> None:  # n
 
 
 @given(logs)
-def test_the_effective_sample_size_lies_between_one_and_all(values: NDArray[np.float64]) -> None:
+def test_the_effective_sample_size_lies_between_one_and_all(values: FloatArray) -> None:
     ess = weights.effective_sample_size(weights.normalise(values))
     assert 1.0 - 1e-12 <= ess <= values.size * (1 + 1e-12)
 

@@ -13,14 +13,14 @@ from mclcli.geometry.frames import TransformTree
 from tests.support import SECOND, transform
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 
-def at(x: float, y: float = 0.0, yaw: float = 0.0) -> NDArray[np.float64]:
+def at(x: float, y: float = 0.0, yaw: float = 0.0) -> FloatArray:
     return se3.from_planar([x, y, yaw])
 
 
-def tree_of(*edges: tuple[float, str, str, NDArray[np.float64], bool], keep_history: bool = True) -> TransformTree:
+def tree_of(*edges: tuple[float, str, str, FloatArray, bool], keep_history: bool = True) -> TransformTree:
     tree = TransformTree(keep_history=keep_history)
     for seconds, parent, child, matrix, static in edges:
         tree.add(transform(int(seconds * SECOND), parent, child, matrix, static=static))
@@ -36,7 +36,7 @@ ROBOT = (
 )
 
 
-def known(matrix: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def known(matrix: FloatArray | None) -> FloatArray:
     assert matrix is not None
     return matrix
 

@@ -17,7 +17,7 @@ from tests.reference.camera import project
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 FX, FY, CX, CY = 610.0, 605.0, 321.5, 238.25
 K = np.array([[FX, 0.0, CX], [0.0, FY, CY], [0.0, 0.0, 1.0]])
@@ -46,12 +46,12 @@ def model(**changes: Any) -> CameraModel:
     return CameraModel(**(fields | changes))
 
 
-def unit(rays: NDArray[np.float64]) -> NDArray[np.float64]:
-    lengths: NDArray[np.float64] = np.linalg.norm(rays, axis=1, keepdims=True)
+def unit(rays: FloatArray) -> FloatArray:
+    lengths: FloatArray = np.linalg.norm(rays, axis=1, keepdims=True)
     return rays / lengths
 
 
-def view(reach: float = 0.6) -> NDArray[np.float64]:
+def view(reach: float = 0.6) -> FloatArray:
     """Directions over a field of view, the axis among them."""
     return unit(np.array([[x, y, 1.0] for x in np.linspace(-reach, reach, 9) for y in np.linspace(-0.5, 0.5, 7)]))
 

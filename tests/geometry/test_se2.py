@@ -14,7 +14,7 @@ from mclcli.geometry import se2
 from tests.reference import filter as naive
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 PI = math.pi
 metres = st.floats(-100.0, 100.0)
@@ -22,7 +22,7 @@ angles = st.floats(-20.0, 20.0)
 poses = st.tuples(metres, metres, angles).map(np.array)
 
 
-def same(a: NDArray[np.float64], b: NDArray[np.float64], tolerance: float = 1e-9) -> bool:
+def same(a: FloatArray, b: FloatArray, tolerance: float = 1e-9) -> bool:
     difference = np.asarray(a) - np.asarray(b)
     difference[..., 2] = np.angle(np.exp(1j * difference[..., 2]))
     return bool(np.abs(difference).max() < tolerance)
@@ -50,12 +50,12 @@ def test_half_a_turn_is_plus_pi() -> None:
 
 
 @given(poses, poses)
-def test_chaining_agrees_with_the_equations(a: NDArray[np.float64], b: NDArray[np.float64]) -> None:
+def test_chaining_agrees_with_the_equations(a: FloatArray, b: FloatArray) -> None:
     assert same(se2.compose(a, b), np.array(naive.compose(list(a), list(b))), 1e-12)
 
 
 @given(poses, poses, poses)
-def test_poses_form_a_group(a: NDArray[np.float64], b: NDArray[np.float64], c: NDArray[np.float64]) -> None:
+def test_poses_form_a_group(a: FloatArray, b: FloatArray, c: FloatArray) -> None:
     assert same(se2.compose(se2.compose(a, b), c), se2.compose(a, se2.compose(b, c)))
     assert same(se2.compose(a, se2.inverse(a)), np.zeros(3))
     assert same(se2.compose(se2.inverse(a), a), np.zeros(3))
@@ -63,19 +63,19 @@ def test_poses_form_a_group(a: NDArray[np.float64], b: NDArray[np.float64], c: N
 
 
 @given(poses, poses)
-def test_between_leads_from_one_pose_to_the_other(a: NDArray[np.float64], b: NDArray[np.float64]) -> None:
+def test_between_leads_from_one_pose_to_the_other(a: FloatArray, b: FloatArray) -> None:
     assert same(se2.compose(a, se2.between(a, b)), b)
 
 
 @given(st.tuples(metres, metres, st.floats(-3.1, 3.1)).map(np.array))
 @example(np.array([1.0, 2.0, 0.0]))
 @example(np.array([1.0, 2.0, 1e-12]))
-def test_log_inverts_exp(twist: NDArray[np.float64]) -> None:
+def test_log_inverts_exp(twist: FloatArray) -> None:
     np.testing.assert_allclose(se2.log(se2.exp(twist)), twist, rtol=0, atol=1e-9)
 
 
 @given(poses)
-def test_exp_inverts_log(pose: NDArray[np.float64]) -> None:
+def test_exp_inverts_log(pose: FloatArray) -> None:
     assert same(se2.exp(se2.log(pose)), pose)
 
 
@@ -84,13 +84,13 @@ def test_a_quarter_circle_of_radius_one() -> None:
 
 
 @given(poses, poses)
-def test_interpolation_meets_both_ends(a: NDArray[np.float64], b: NDArray[np.float64]) -> None:
+def test_interpolation_meets_both_ends(a: FloatArray, b: FloatArray) -> None:
     assert same(se2.interpolate(a, b, 0.0), a)
     assert same(se2.interpolate(a, b, 1.0), b)
 
 
 @given(poses, st.tuples(metres, metres, st.floats(-3.0, 3.0)).map(np.array))
-def test_interpolation_holds_one_twist(start: NDArray[np.float64], twist: NDArray[np.float64]) -> None:
+def test_interpolation_holds_one_twist(start: FloatArray, twist: FloatArray) -> None:
     end = se2.compose(start, se2.exp(twist))
     quarters = se2.interpolate(start, end, np.array([0.25, 0.5, 0.75]))
     assert quarters.shape == (3, 3)

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation, Slerp
 from mclcli.geometry import se3
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 components = st.floats(-1.0, 1.0)
 angles = st.floats(-3.1, 3.1)
@@ -22,7 +22,7 @@ translations = st.tuples(*[st.floats(-50.0, 50.0)] * 3)
 turns = st.tuples(angles, st.floats(-1.5, 1.5), angles)
 
 
-def unit(quaternion: tuple[float, ...]) -> NDArray[np.float64]:
+def unit(quaternion: tuple[float, ...]) -> FloatArray:
     q = np.array(quaternion)
     assume(np.linalg.norm(q) > 0.1)
     return np.asarray(q / np.linalg.norm(q))

@@ -18,8 +18,7 @@ from mclcli.world.occupancy import OccupancyGrid
 from tests.data import golden
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.world.distance_field import DistanceField
 
 CASES = (
@@ -40,7 +39,7 @@ def read(name: str) -> dict[str, Any]:
     return result
 
 
-def numbers(values: list[Any]) -> NDArray[np.float64]:
+def numbers(values: list[Any]) -> FloatArray:
     """Numbers with null for NaN and "inf", "-inf"."""
     return np.array([np.nan if value is None else float(value) for value in values])
 
@@ -51,8 +50,8 @@ class LaserCase:
 
     grid: OccupancyGrid
     scan: LaserScan
-    base_from_laser: NDArray[np.float64]
-    particles: NDArray[np.float64]
+    base_from_laser: FloatArray
+    particles: FloatArray
 
 
 @functools.cache
@@ -109,7 +108,7 @@ def settings_of(
     return profiles.build({**values, **changes}, profile=profile, model=model)
 
 
-def worst(found: NDArray[np.float64], expected: NDArray[np.float64]) -> float:
+def worst(found: FloatArray, expected: FloatArray) -> float:
     """Largest difference relative to the expected value; infinities must be the same."""
     assert (np.isinf(found) == np.isinf(expected)).all()
     finite = np.isfinite(expected)

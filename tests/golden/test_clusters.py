@@ -16,8 +16,7 @@ from mclcli.geometry import se2
 from tests.data import golden
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from tests.golden.conftest import Note
 
 SETS = [
@@ -31,7 +30,7 @@ SETS = [
 each = pytest.mark.parametrize("name", SETS)
 
 
-def case(name: str) -> tuple[dict[str, Any], NDArray[np.float64], NDArray[np.float64]]:
+def case(name: str) -> tuple[dict[str, Any], FloatArray, FloatArray]:
     """One set: what nav2 says of it, its particles and their weights."""
     data = json.loads(golden("clusters.json").read_text())["sets"]
     assert sorted(data) == sorted(SETS)

@@ -18,8 +18,7 @@ from mclcli.world import distance_field
 from tests.golden.lasers import CASES, SETS, LaserCase, laser_case, nav2_field, numbers, read, settings_of, worst
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors.beams import Beams
     from mclcli.settings.profiles import Settings
     from mclcli.world.distance_field import DistanceField
@@ -38,7 +37,7 @@ def chosen(case: LaserCase, settings: Settings) -> Beams:
     return beams.select(case.scan, case.base_from_laser, settings.beams)
 
 
-def log_likelihood(case: LaserCase, settings: Settings, field: DistanceField) -> NDArray[np.float64]:
+def log_likelihood(case: LaserCase, settings: Settings, field: DistanceField) -> FloatArray:
     model = LikelihoodField(field, settings.likelihood_field)
     return model.measure("lidar", chosen(case, settings)).log_likelihood(case.particles)
 

@@ -22,8 +22,7 @@ from mclcli.motion.omnidirectional import OmnidirectionalMotion, Omnidirectional
 from tests.data import golden
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.motion import MotionModel
     from tests.golden.conftest import Note
 
@@ -37,23 +36,23 @@ def data() -> dict[str, Any]:
     return loaded
 
 
-def increments(data: dict[str, Any]) -> NDArray[np.float64]:
+def increments(data: dict[str, Any]) -> FloatArray:
     """The odometry's increments (200, 3) in the frame of the base."""
     return se2.between(data["odom_old"], data["odom_new"])
 
 
-def moved(model: MotionModel, data: dict[str, Any], normals: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+def moved(model: MotionModel, data: dict[str, Any], normals: FloatArray | None = None) -> FloatArray:
     """Where the particle of each pair goes (200, 3)."""
     draws = np.zeros((200, 3)) if normals is None else normals
     steps = zip(np.array(data["particle"]), increments(data), draws, strict=True)
     return np.array([model.sample(pose[None], step, z[None])[0] for pose, step, z in steps])
 
 
-def errors(found: NDArray[np.float64], expected: list[list[float]]) -> NDArray[np.float64]:
+def errors(found: FloatArray, expected: list[list[float]]) -> FloatArray:
     """Largest difference (200,) of each pair; nav2 does not wrap yaw."""
     difference = found - np.array(expected)
     difference[:, 2] = se2.wrap(difference[:, 2])
-    largest: NDArray[np.float64] = np.abs(difference).max(axis=1)
+    largest: FloatArray = np.abs(difference).max(axis=1)
     return largest
 
 

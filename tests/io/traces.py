@@ -12,6 +12,8 @@ from mclcli.records import Estimate, LaserScan, StepRecord, TrackPoint
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray
+
 START_NS = 1_318_384_871_000_000_001
 PERIOD_NS = 250_000_000
 
@@ -20,7 +22,7 @@ PERIOD_NS = 250_000_000
 class Grid:
     cells: NDArray[np.int8]
     resolution: float
-    origin: NDArray[np.float64]
+    origin: FloatArray
 
 
 def grid() -> Grid:

@@ -15,7 +15,7 @@ from mclcli.motion.differential import DifferentialMotion, DifferentialParameter
 from tests.reference.filter import differential
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 PI = math.pi
 ALPHAS = (0.1, 0.2, 0.05, 0.3)
@@ -43,7 +43,7 @@ named = pytest.mark.parametrize("increment", [np.array(c) for c in CASES.values(
 @example(np.array([1.0, 2.0, 3.0]), np.array([-0.3, 0.0, 0.0]))
 @example(np.array([1.0, 2.0, 3.0]), np.array([-1e-9, 1e-9, 0.1]))
 @example(np.array([1.0, 2.0, 3.0]), np.array([-0.0, 0.0, 0.1]))
-def test_without_noise_the_odometry_is_reproduced(pose: NDArray[np.float64], increment: NDArray[np.float64]) -> None:
+def test_without_noise_the_odometry_is_reproduced(pose: FloatArray, increment: FloatArray) -> None:
     normals = np.random.default_rng(1).standard_normal((1, 3))
     moved = QUIET.sample(pose[np.newaxis], increment, normals)[0]
     expected = se2.compose(pose, increment)
@@ -52,7 +52,7 @@ def test_without_noise_the_odometry_is_reproduced(pose: NDArray[np.float64], inc
 
 
 @named
-def test_without_motion_noise_follows_the_named_cases_too(increment: NDArray[np.float64]) -> None:
+def test_without_motion_noise_follows_the_named_cases_too(increment: FloatArray) -> None:
     start = np.array([[0.3, -0.2, 2.9]])
     np.testing.assert_allclose(
         QUIET.sample(start, increment, np.ones((1, 3))), se2.compose(start, increment), atol=1e-12
@@ -60,9 +60,7 @@ def test_without_motion_noise_follows_the_named_cases_too(increment: NDArray[np.
 
 
 @given(poses, increments, st.tuples(*[st.floats(-3, 3)] * 3))
-def test_a_sample_agrees_with_the_equation(
-    pose: NDArray[np.float64], increment: NDArray[np.float64], normals: tuple[float, ...]
-) -> None:
+def test_a_sample_agrees_with_the_equation(pose: FloatArray, increment: FloatArray, normals: tuple[float, ...]) -> None:
     got = MODEL.sample(pose[np.newaxis], increment, np.array([normals]))[0]
     expected = differential(pose.tolist(), increment.tolist(), ALPHAS, normals)
     np.testing.assert_allclose(got[:2], expected[:2], rtol=0, atol=1e-9)
@@ -70,7 +68,7 @@ def test_a_sample_agrees_with_the_equation(
 
 
 @named
-def test_samples_spread_as_the_formula_says(increment: NDArray[np.float64]) -> None:
+def test_samples_spread_as_the_formula_says(increment: FloatArray) -> None:
     n = 40_000
     moved = MODEL.sample(np.zeros((n, 3)), increment, np.random.default_rng(4).standard_normal((n, 3)))
     std1, std_move, std2 = MODEL.noise_std(*decompose(increment))
@@ -118,7 +116,7 @@ def test_driving_backwards_keeps_the_clouds_yaw_in_one_piece() -> None:
 
 
 @given(increments, yaws)
-def test_yaw_stays_within_the_turn(increment: NDArray[np.float64], yaw: float) -> None:
+def test_yaw_stays_within_the_turn(increment: FloatArray, yaw: float) -> None:
     normals = np.random.default_rng(2).standard_normal((50, 3)) * 5.0
     moved = MODEL.sample(np.tile([0.0, 0.0, yaw], (50, 1)), increment, normals)
     assert ((moved[:, 2] > -PI) & (moved[:, 2] <= PI)).all()
@@ -126,7 +124,7 @@ def test_yaw_stays_within_the_turn(increment: NDArray[np.float64], yaw: float) -
 
 @given(increments)
 @example(np.array([-0.2, 0.0, 0.0]))
-def test_the_first_turn_is_at_most_a_quarter(increment: NDArray[np.float64]) -> None:
+def test_the_first_turn_is_at_most_a_quarter(increment: FloatArray) -> None:
     rot1, trans, rot2 = decompose(increment)
     assert abs(rot1) <= PI / 2 + 1e-12
     assert (trans < 0.0) == (increment[0] < 0.0 and trans != 0.0)

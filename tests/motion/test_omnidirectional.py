@@ -15,7 +15,7 @@ from mclcli.motion.omnidirectional import OmnidirectionalMotion, Omnidirectional
 from tests.reference.motion_omni import omnidirectional
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 PI = math.pi
 ALPHAS = (0.1, 0.25, 0.3, 0.45, 0.6)
@@ -28,18 +28,14 @@ poses = st.tuples(st.floats(-50, 50), st.floats(-50, 50), yaws).map(np.array)
 
 @given(poses, increments)
 @example(np.array([1.0, 2.0, 3.0]), np.array([-0.006, 0.0, 0.0]))
-def test_without_noise_the_odometry_is_reproduced_exactly(
-    pose: NDArray[np.float64], increment: NDArray[np.float64]
-) -> None:
+def test_without_noise_the_odometry_is_reproduced_exactly(pose: FloatArray, increment: FloatArray) -> None:
     normals = np.random.default_rng(1).standard_normal((1, 3))
     moved = QUIET.sample(pose[np.newaxis], increment, normals)
     np.testing.assert_array_equal(moved[0], se2.compose(pose, increment))
 
 
 @given(poses, increments, st.tuples(*[st.floats(-3, 3)] * 3))
-def test_a_sample_agrees_with_the_equation(
-    pose: NDArray[np.float64], increment: NDArray[np.float64], normals: tuple[float, ...]
-) -> None:
+def test_a_sample_agrees_with_the_equation(pose: FloatArray, increment: FloatArray, normals: tuple[float, ...]) -> None:
     got = MODEL.sample(pose[np.newaxis], increment, np.array([normals]))[0]
     expected = omnidirectional(pose.tolist(), increment.tolist(), ALPHAS, normals)
     np.testing.assert_allclose(got[:2], expected[:2], rtol=0, atol=1e-9)

@@ -15,8 +15,7 @@ from mclcli.motion import MODELS, MotionParameters
 from mclcli.parameters import described
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.motion import MotionModel
 
 each = pytest.mark.parametrize("name", MODELS)
@@ -36,12 +35,12 @@ def quiet(name: str) -> MotionModel:
     return motion.build(MotionParameters(robot_model_type=name, **changes))
 
 
-def cloud(n: int, seed: int = 1) -> NDArray[np.float64]:
+def cloud(n: int, seed: int = 1) -> FloatArray:
     """Poses anywhere, looking anywhere."""
     return np.random.default_rng(seed).uniform([-5, -5, -math.pi], [5, 5, math.pi], (n, 3))
 
 
-def normals(n: int, seed: int = 2) -> NDArray[np.float64]:
+def normals(n: int, seed: int = 2) -> FloatArray:
     """Standard normals (n, 3)."""
     return np.random.default_rng(seed).standard_normal((n, 3))
 
@@ -49,7 +48,7 @@ def normals(n: int, seed: int = 2) -> NDArray[np.float64]:
 @each
 @every_step
 @pytest.mark.parametrize("n", [1, 200])
-def test_poses_stay_poses(name: str, step: NDArray[np.float64], n: int) -> None:
+def test_poses_stay_poses(name: str, step: FloatArray, n: int) -> None:
     before = cloud(n)
     given_poses = before.copy()
     moved = model_of(name).sample(given_poses, step, 4.0 * normals(n))
@@ -62,7 +61,7 @@ def test_poses_stay_poses(name: str, step: NDArray[np.float64], n: int) -> None:
 
 @each
 @every_step
-def test_without_noise_a_robot_goes_where_the_odometry_says_or_stands(name: str, step: NDArray[np.float64]) -> None:
+def test_without_noise_a_robot_goes_where_the_odometry_says_or_stands(name: str, step: FloatArray) -> None:
     start = cloud(20)
     moved = quiet(name).sample(start, step, normals(20))
     error = moved - (start if name == "stationary" else se2.compose(start, step))
@@ -72,7 +71,7 @@ def test_without_noise_a_robot_goes_where_the_odometry_says_or_stands(name: str,
 
 @each
 @every_step
-def test_noise_acts_in_the_frame_of_the_base(name: str, step: NDArray[np.float64]) -> None:
+def test_noise_acts_in_the_frame_of_the_base(name: str, step: FloatArray) -> None:
     start = np.array([3.0, -2.0, 1.1])
     at_origin, elsewhere = (
         model_of(name).sample(np.tile(pose, (50, 1)), step, normals(50)) for pose in (np.zeros(3), start)
@@ -84,7 +83,7 @@ def test_noise_acts_in_the_frame_of_the_base(name: str, step: NDArray[np.float64
 
 @each
 @every_step
-def test_each_particle_moves_by_its_own_normals_alone(name: str, step: NDArray[np.float64]) -> None:
+def test_each_particle_moves_by_its_own_normals_alone(name: str, step: FloatArray) -> None:
     start, draws = cloud(30), normals(30)
     together = model_of(name).sample(start, step, draws)
     alone = [model_of(name).sample(start[i : i + 1], step, draws[i : i + 1])[0] for i in range(30)]

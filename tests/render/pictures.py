@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from PIL import Image
 
+    from mclcli.arrays import FloatArray
     from mclcli.render.palette import Color
 
 
@@ -26,25 +27,25 @@ def room(
     return OccupancyGrid(cells, resolution, np.array(origin))
 
 
-def pixel(picture: Image.Image, x: float, y: float) -> NDArray[np.float64]:
+def pixel(picture: Image.Image, x: float, y: float) -> FloatArray:
     """Where the picture says that a map point [m] lies: continuous pixels (right, down)."""
     scale, left, top = picture.info["pixel_from_map"]
     return np.array([left + scale * x, top - scale * y])
 
 
-def closeness(picture: Image.Image, color: Color) -> NDArray[np.float64]:
+def closeness(picture: Image.Image, color: Color) -> FloatArray:
     """How much of a colour each pixel has, (H, W): 1 the colour itself, 0 farther than 60 levels from it."""
     far = np.abs(np.asarray(picture, dtype=np.float64) - np.array(color)).max(axis=2)
     return np.asarray(np.clip(1.0 - far / 60.0, 0.0, 1.0), dtype=np.float64)
 
 
-def darkness(picture: Image.Image) -> NDArray[np.float64]:
+def darkness(picture: Image.Image) -> FloatArray:
     """How much of a wall each pixel of free space has, (H, W): 1 is all wall."""
     red = np.asarray(picture, dtype=np.float64)[..., 0]
     return np.asarray(np.clip((FREE[0] - red) / (FREE[0] - WALL[0]), 0.0, 1.0), dtype=np.float64)
 
 
-def middle_of(amount: NDArray[np.float64], near: NDArray[np.float64], reach: int) -> NDArray[np.float64]:
+def middle_of(amount: FloatArray, near: FloatArray, reach: int) -> FloatArray:
     """Centroid (right, down) in continuous pixels of an amount per pixel, within ``reach`` pixels of a place."""
     x, y = np.floor(near).astype(int)
     part = amount[y - reach : y + reach + 1, x - reach : x + reach + 1]

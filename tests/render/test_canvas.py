@@ -12,7 +12,7 @@ from mclcli.world.occupancy import OccupancyGrid
 from tests.render.pictures import darkness, middle_of, near, pixel, room
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 NOWHERE = np.zeros((0, 3))
 
@@ -146,7 +146,7 @@ def test_pixels_of_far_origins_keep_their_digits() -> None:
 
 
 @pytest.mark.parametrize("bad", [np.zeros((3, 2)), np.zeros(3), np.array([[0.0, np.nan, 0.0]])])
-def test_points_that_are_none_are_refused(bad: NDArray[np.float64]) -> None:
+def test_points_that_are_none_are_refused(bad: FloatArray) -> None:
     with pytest.raises(ValueError, match="poses: expected finite numbers of shape"):
         canvas.points_of(bad, 3, "poses")
 

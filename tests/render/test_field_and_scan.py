@@ -12,14 +12,12 @@ from mclcli.world.occupancy import OccupancyGrid
 from tests.render.pictures import closeness, color_at, middle_of, near, pixel, room
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 DEPTH = palette.ramp("depth")
 
 
-def beside_a_wall(
-    size: int = 120, resolution: float = 0.05, yaw: float = 0.0
-) -> tuple[OccupancyGrid, NDArray[np.float64]]:
+def beside_a_wall(size: int = 120, resolution: float = 0.05, yaw: float = 0.0) -> tuple[OccupancyGrid, FloatArray]:
     """A map with a wall in column 0 and its distance field, 2 m at most."""
     cells = np.zeros((size, size), dtype=np.int8)
     cells[:, 0] = 100

@@ -12,12 +12,12 @@ from mclcli.world.occupancy import OccupancyGrid
 from tests.render.pictures import closeness, color_at, middle_of, near, pixel, room
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 RAMP = palette.ramp("heat")
 
 
-def lattice(step: float, yaw: float = 0.0) -> NDArray[np.float64]:
+def lattice(step: float, yaw: float = 0.0) -> FloatArray:
     x, y = np.meshgrid(np.arange(1.0, 7.0, step), np.arange(1.0, 5.0, step))
     c, s = math.cos(yaw), math.sin(yaw)
     x, y = x.ravel(), y.ravel()

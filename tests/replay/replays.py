@@ -26,8 +26,7 @@ from tests.worlds import drawn
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.records import TrackPoint
 
     Event = tuple[str, object]
@@ -43,7 +42,7 @@ NOISY = DifferentialMotion(DifferentialParameters())
 BOTH = {"/scan": LIDAR, "/camera": CAMERA}
 
 
-def tree(*edges: tuple[str, str, NDArray[np.float64]]) -> TransformTree:
+def tree(*edges: tuple[str, str, FloatArray]) -> TransformTree:
     frames = TransformTree()
     for parent, child, matrix in edges:
         frames.add(transform(0, parent, child, matrix, static=True))

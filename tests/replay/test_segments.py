@@ -17,8 +17,7 @@ from tests.replay.replays import BOTH, START, drive, ns, odom, run, scan, seen, 
 from tests.support import transform
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from tests.replay.replays import Event
 
 LIMITS = OdometryParameters()
@@ -174,7 +173,7 @@ def beam_by_beam(events: list[Event]) -> float:
     return total
 
 
-def odom_at(seconds: float) -> NDArray[np.float64]:
+def odom_at(seconds: float) -> FloatArray:
     return se2.interpolate([0, 0, 0], [1, 0, math.pi / 2], seconds)
 
 
@@ -192,7 +191,7 @@ class Patient:
 
     wanted: int
 
-    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64] | Patience:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Patience:
         del rng
         assert opening.stamp_ns == opening.observations[0].reading.stamp_ns
         assert opening.path.covers(opening.observations[-1].reading.stamp_ns)
@@ -218,7 +217,7 @@ def test_what_a_start_sees_has_its_mount_and_its_odometry() -> None:
     openings = []
 
     class Curious:
-        def place(self, opening: Opening, n: int, rng: np.random.Generator) -> NDArray[np.float64] | Patience:
+        def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Patience:
             del rng
             openings.append(opening)
             return np.tile(START, (n, 1)) if len(opening.observations) == 3 else Patience.HOLD

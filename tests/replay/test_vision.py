@@ -24,8 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.io.logs.base import RawMessage
 
 SECONDS, RADIUS, RATE = 30.0, 3.0, 0.25  # one turn and a bit on a circle, 0.75 m/s
@@ -49,7 +48,7 @@ class Mounted(NamedTuple):
         return self.info.split("/")[1]
 
     @property
-    def rotation(self) -> NDArray[np.float64]:
+    def rotation(self) -> FloatArray:
         """``base_from_optical``: the body's attitude, then x right, y down, z forward."""
         roll, pitch, yaw = self.attitude
         body = Rotation.from_euler("ZYX", [yaw, pitch, roll])
@@ -64,11 +63,11 @@ POSTS = {n: (7 * math.cos(0.26 * n), 7 * math.sin(0.26 * n), 0.5 + 0.3 * (n % 5)
 LANDMARKS = Landmarks(tuple(map(str, POSTS)), np.array(list(POSTS.values())))
 
 
-def truth(seconds: float) -> NDArray[np.float64]:
+def truth(seconds: float) -> FloatArray:
     return se2.compose([0, 0, RATE * seconds], START)
 
 
-def odometry(seconds: float) -> NDArray[np.float64]:
+def odometry(seconds: float) -> FloatArray:
     """A circle as well, but one with 4 % too long a way and 5 % too little of a turn."""
     return se2.exp([1.04 * RADIUS * RATE * seconds, 0.0, 0.95 * RATE * seconds])
 

@@ -14,8 +14,7 @@ from samples.sim.recording import Scenario
 from samples.sim.sensors import Camera, Lidar, Mount
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
+    from mclcli.arrays import BoolArray
 
 ROOT = Path(__file__).resolve().parents[2]
 BEARINGS = "mcl_msgs/msg/LandmarkBearings"
@@ -32,7 +31,7 @@ class Decoded(NamedTuple):
     message: Any
 
 
-def ray_length(occupied: NDArray[np.bool_], side: float, x: float, y: float, angle: float) -> float:
+def ray_length(occupied: BoolArray, side: float, x: float, y: float, angle: float) -> float:
     """Shortest distance to the square of any occupied cell: the slab test, cell by cell."""
     best = math.inf
     dx, dy = math.cos(angle), math.sin(angle)

@@ -15,7 +15,7 @@ from tests.samples.naive import Decoded, by_topic, read_log, small_scenario
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def log(recording: Recording, tmp_path_factory: pytest.TempPathFactory) -> list[
     return read_log(path)
 
 
-def transforms(log: list[Decoded]) -> dict[tuple[str, str], NDArray[np.float64]]:
+def transforms(log: list[Decoded]) -> dict[tuple[str, str], FloatArray]:
     """Static transforms by (parent, child)."""
     edges = {}
     for entry in by_topic(log)["/tf_static"]:

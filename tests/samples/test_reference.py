@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import BoolArray, FloatArray
 
 SIGMA, Z_HIT, Z_RAND, R_MAX, MAX_DIST = 0.15, 0.95, 0.05, 8.0, 2.0
 SIGMA_B, EPS = math.radians(3), 0.1
@@ -37,20 +37,20 @@ VISION = [-2.6661197675024013, -2.306220471001957, -14.259227357457316, -14.2238
 SUM_SET1 = [-58.09788422066158, -58.09596021851833, -58.07910227140370]
 
 
-def occupied() -> NDArray[np.bool_]:
+def occupied() -> BoolArray:
     head, size, maximum, pixels = (ROOT / "maps/reference.pgm").read_bytes().split(b"\n", 3)
     assert (head, size, maximum) == (b"P5", b"120 120", b"255")
     return np.asarray(np.frombuffer(pixels, dtype=np.uint8).reshape(120, 120)[::-1] == 0)
 
 
-def exact_field(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
+def exact_field(cells: BoolArray) -> FloatArray:
     rows, columns = np.nonzero(cells)
     y, x = np.mgrid[:120, :120]
     squared = (x[..., np.newaxis] - columns) ** 2 + (y[..., np.newaxis] - rows) ** 2
     return np.asarray(np.minimum(0.05 * np.sqrt(squared.min(axis=-1)), MAX_DIST))
 
 
-def brushfire_field(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
+def brushfire_field(cells: BoolArray) -> FloatArray:
     best = {(int(r), int(c)): 0.0 for r, c in np.argwhere(cells)}
     queue = [(0.0, cell) for cell in best]
     while queue:
@@ -63,7 +63,7 @@ def brushfire_field(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
     return np.minimum(0.05 * np.array([[best[r, c] for c in range(120)] for r in range(120)]), MAX_DIST)
 
 
-FIELDS: dict[str, Callable[[NDArray[np.bool_]], NDArray[np.float64]]] = {
+FIELDS: dict[str, Callable[[BoolArray], FloatArray]] = {
     "exact": exact_field,
     "brushfire": brushfire_field,
 }
@@ -84,7 +84,7 @@ def poses(name: str) -> list[tuple[float, float, float]]:
     return [(float(r["x"]), float(r["y"]), degrees(r["yaw"])) for r in found]
 
 
-def lidar(name: str, field: NDArray[np.float64], *, score_all: bool) -> list[float]:
+def lidar(name: str, field: FloatArray, *, score_all: bool) -> list[float]:
     first, *_ = YAML(typ="safe").load_all(ROOT / f"samples/reference_{name}.yaml")
     totals = []
     for x, y, yaw in poses(name):
@@ -133,7 +133,7 @@ def test_sums_of_the_original_demonstration() -> None:
 
 
 @pytest.mark.parametrize("spoil", [np.flipud, np.fliplr, np.transpose], ids=lambda f: f.__name__)
-def test_a_spoiled_map_misses_the_numbers(spoil: Callable[[NDArray[np.bool_]], NDArray[np.bool_]]) -> None:
+def test_a_spoiled_map_misses_the_numbers(spoil: Callable[[BoolArray], BoolArray]) -> None:
     field = exact_field(spoil(occupied()))
     for name, expected in LIDAR.items():
         assert np.max(np.abs(np.subtract(lidar(name, field, score_all=True), expected["exact"]))) > 0.1

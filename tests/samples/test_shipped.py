@@ -21,7 +21,7 @@ from samples.sim.scenarios import SCENARIOS
 from tests.samples.naive import ROOT, Decoded, by_topic, read_log
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import BoolArray, FloatArray
 
 SHIPPED = sorted(
     p.relative_to(ROOT) for folder in ("maps", "samples") for p in (ROOT / folder).iterdir() if p.is_file()
@@ -131,7 +131,7 @@ def test_most_readings_of_a_log_end_at_what_its_map_shows(recording: Recording) 
 
 
 def _share_on(
-    mask: NDArray[np.bool_], floor: Building, truth: Trajectory, base_from_laser: NDArray[np.float64], entry: Decoded
+    mask: BoolArray, floor: Building, truth: Trajectory, base_from_laser: FloatArray, entry: Decoded
 ) -> float:
     """Share of the returns of one scan that end in a cell of ``mask``."""
     scan = entry.message
@@ -145,12 +145,12 @@ def _share_on(
     return float(np.mean(mask[rows, columns]))
 
 
-def _matrix(translation: Any, rotation: Any) -> NDArray[np.float64]:
+def _matrix(translation: Any, rotation: Any) -> FloatArray:
     t, q = translation, rotation
     return se3.from_quaternion([t.x, t.y, t.z], [q.x, q.y, q.z, q.w])
 
 
-def _planar(pose: Any) -> NDArray[np.float64]:
+def _planar(pose: Any) -> FloatArray:
     return se3.to_planar(_matrix(pose.position, pose.orientation))
 
 

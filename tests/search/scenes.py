@@ -19,8 +19,7 @@ from mclcli.world.occupancy import OCCUPIED, OccupancyGrid
 from mclcli.world.raycast import make_caster
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import BoolArray, FloatArray
     from mclcli.replay.finder import Finder, Limits
     from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
@@ -41,9 +40,9 @@ def hall(origin: tuple[float, float, float] = (-1.0, -0.5, 0.0), *, twin: bool =
 
 def scan_at(
     grid: OccupancyGrid,
-    pose: NDArray[np.float64],
+    pose: FloatArray,
     *,
-    mount: NDArray[np.float64] = MOUNT,
+    mount: FloatArray = MOUNT,
     fov: float = math.tau,
     range_max: float = 8.0,
     stamp_ns: int = 0,
@@ -82,6 +81,6 @@ def finder_for(
     return finder.make_finder(grid, model, settings, pyramid.build, limits=limits, landmarks=landmarks, alpha=alpha)
 
 
-def cells_allowed(grid: OccupancyGrid, policy: str) -> NDArray[np.bool_]:
+def cells_allowed(grid: OccupancyGrid, policy: str) -> BoolArray:
     """Cells that may hold the base."""
     return scenes.allowed_cells(grid, policy)

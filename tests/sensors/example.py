@@ -18,8 +18,7 @@ from mclcli.world.landmarks import Landmarks
 from tests.support import grid_of, level, scan_of, sightings
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors import Measurement
     from mclcli.world.distance_field import Method
     from mclcli.world.occupancy import OccupancyGrid
@@ -30,7 +29,7 @@ BEARING = BearingModel(BearingParameters(sigma_bearing=math.radians(3.0), eps_ou
 NO_MOUNT = np.eye(4)
 
 
-def poses(*rows: tuple[float, float, float]) -> NDArray[np.float64]:
+def poses(*rows: tuple[float, float, float]) -> FloatArray:
     """Poses (N, 3) from x, y [m] and yaw in degrees."""
     return np.array([(x, y, math.radians(yaw)) for x, y, yaw in rows])
 
@@ -41,7 +40,7 @@ class Example:
     """Readings, poses, and what they must weigh: ``lidar`` by method; bearings in degrees by id."""
 
     ranges: tuple[float, ...]
-    poses: NDArray[np.float64]
+    poses: FloatArray
     lidar: dict[Method, tuple[float, ...]]
     bearings: tuple[tuple[str, float], ...] = ()
     vision: tuple[float, ...] = ()

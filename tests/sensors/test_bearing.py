@@ -18,8 +18,7 @@ from tests.reference.sensors import bearings_log_p
 from tests.support import level, sightings, use_compiled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors import Measurement
 
 PLACES = {"a": (-1.0, 0.0), "b": (1.0, 0.5), "c": (0.0, -1.0)}
@@ -36,9 +35,7 @@ def model(sigma: float = 0.1, eps: float = 0.1) -> BearingModel:
     return BearingModel(BearingParameters(sigma_bearing=sigma, eps_outlier=eps))
 
 
-def seen_from(
-    mount: NDArray[np.float64], *seen: tuple[str, float], sigma: float = 0.1, eps: float = 0.1
-) -> Measurement:
+def seen_from(mount: FloatArray, *seen: tuple[str, float], sigma: float = 0.1, eps: float = 0.1) -> Measurement:
     rays = level(*(bearing for _, bearing in seen))
     return model(sigma, eps).measure("vision", observe(sightings(0, [i for i, _ in seen], rays), mount, LANDMARKS))
 

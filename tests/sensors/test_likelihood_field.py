@@ -24,6 +24,7 @@ from tests.support import grid_of, scan_of, use_compiled
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from mclcli.arrays import BoolArray, FloatArray
     from mclcli.records import LaserScan
 
 GENERATOR = np.random.default_rng(11)
@@ -44,18 +45,18 @@ def model_over(grid: OccupancyGrid, **changes: float) -> LikelihoodField:
 
 
 def scores(
-    poses: NDArray[np.float64],
+    poses: FloatArray,
     scan: LaserScan,
     origin: tuple[float, ...] = ORIGIN,
-    mount: NDArray[np.float64] | None = None,
-    occupied: NDArray[np.bool_] = ROOM,
-) -> NDArray[np.float64]:
+    mount: FloatArray | None = None,
+    occupied: BoolArray = ROOM,
+) -> FloatArray:
     transform = se3.from_planar(MOUNT) if mount is None else mount
     model = model_over(grid_of(occupied, RESOLUTION, origin))
     return model.measure("lidar", beams.select(scan, transform, EVERY)).log_likelihood(poses)
 
 
-def naive(poses: NDArray[np.float64], scan: LaserScan, origin: tuple[float, ...]) -> list[float]:
+def naive(poses: FloatArray, scan: LaserScan, origin: tuple[float, ...]) -> list[float]:
     distances = exact_distances(ROOM.tolist(), RESOLUTION, MAX_DIST)
     ends = endpoints_of(scan.ranges.tolist(), scan.angle_min, scan.angle_increment, MOUNT, scan.range_max)
     p = {"z_hit": 0.9, "z_rand": 0.1, "sigma": 0.3, "r_max": scan.range_max}
@@ -143,7 +144,7 @@ def test_moving_the_map_and_the_robot_together_changes_nothing(dx: int, dy: int)
     np.testing.assert_allclose(moved, scores(poses, scan_of(RANGES)), rtol=0, atol=1e-9)
 
 
-def away_from_borders(poses: NDArray[np.float64], scan: LaserScan) -> NDArray[np.float64]:
+def away_from_borders(poses: FloatArray, scan: LaserScan) -> FloatArray:
     """Poses none of whose endpoints lies within 1e-6 cells of a border between cells."""
     ends = beams.select(scan, se3.from_planar(MOUNT), EVERY).endpoints
     points = se2.compose(poses[:, np.newaxis], np.column_stack([ends, np.zeros(len(ends))]))[..., :2]

@@ -22,8 +22,7 @@ from mclcli.world.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.support import scan_of
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.records import LaserScan
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.instruments import LidarModel
@@ -54,18 +53,16 @@ class Variant(NamedTuple):
         grid = OccupancyGrid(CELLS, RESOLUTION, np.array(origin, dtype=np.float64))
         return entry.make(grid, getattr(chosen, entry.group), distance_field.compute, 0.0, 1)
 
-    def beams(self, scan: LaserScan, mount: NDArray[np.float64] = MOUNT) -> Beams:
+    def beams(self, scan: LaserScan, mount: FloatArray = MOUNT) -> Beams:
         """The beams that it scores."""
         return beams.select(scan, mount, self.chosen.beams)
 
-    def scores(
-        self, poses: NDArray[np.float64], seen: Beams | None = None, origin: Any = ORIGIN
-    ) -> NDArray[np.float64]:
+    def scores(self, poses: FloatArray, seen: Beams | None = None, origin: Any = ORIGIN) -> FloatArray:
         """Log-likelihoods (N,)."""
         seen = self.beams(scan_of(RANGES)) if seen is None else seen
         return self.over(origin).measure("lidar", seen).log_likelihood(poses)
 
-    def steady(self, seen: Beams | None = None) -> NDArray[np.float64]:
+    def steady(self, seen: Beams | None = None) -> FloatArray:
         """Poses whose scores do not jump when they are nudged."""
         nudges = TINY * np.array([[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
         moved = np.array([self.scores(POSES + nudge, seen) for nudge in nudges])

@@ -19,8 +19,7 @@ from tests.support import grid_of, use_compiled
 from tests.worlds import drawn
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import BoolArray
     from mclcli.world.distance_field import Method
 
 REFERENCES = {"exact": exact_distances, "brushfire": brushfire_distances}
@@ -38,7 +37,7 @@ def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.usefixtures("_path")
 @given(occupied=rooms, resolution=resolutions, reach=st.sampled_from([0.5, 1.0, 3.7, 50.0]))
 def test_every_cell_agrees_with_the_reference(
-    method: Method, occupied: NDArray[np.bool_], resolution: float, reach: float
+    method: Method, occupied: BoolArray, resolution: float, reach: float
 ) -> None:
     max_dist = reach * resolution
     field = distance_field.compute(grid_of(occupied, resolution), method, max_dist)
@@ -49,7 +48,7 @@ def test_every_cell_agrees_with_the_reference(
 @pytest.mark.parametrize("method", METHODS)
 @given(occupied=rooms, resolution=resolutions)
 def test_the_levels_ascend_to_the_clamp_and_every_code_has_one(
-    method: Method, occupied: NDArray[np.bool_], resolution: float
+    method: Method, occupied: BoolArray, resolution: float
 ) -> None:
     field = distance_field.compute(grid_of(occupied, resolution), method, 2.0)
     assert field.codes.shape == occupied.shape
@@ -62,7 +61,7 @@ def test_the_levels_ascend_to_the_clamp_and_every_code_has_one(
 
 
 @given(occupied=rooms)
-def test_a_path_is_never_shorter_than_the_straight_line(occupied: NDArray[np.bool_]) -> None:
+def test_a_path_is_never_shorter_than_the_straight_line(occupied: BoolArray) -> None:
     exact, paths = (distance_field.compute(grid_of(occupied), method, 100.0).metres() for method in METHODS)
     assert (paths >= exact - 1e-6).all()
     assert (paths <= 1.0824 * exact + 1e-6).all()

@@ -21,7 +21,9 @@ from tests.worlds import drawn, empty
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
+
+    from mclcli.arrays import BoolArray, FloatArray
 
 EPSILON = 1 / 256
 WALKS = ["exact", "approximate"]
@@ -39,7 +41,7 @@ def cast(caster: RayCaster, pose: Sequence[float], max_range: float = 30.0, dire
 
 @given(occupied=rooms, x=places, y=places, yaw=angles, limit=st.floats(0.1, 40.0))
 def test_the_exact_range_is_that_of_brute_force(
-    occupied: NDArray[np.bool_], x: float, y: float, yaw: float, limit: float
+    occupied: BoolArray, x: float, y: float, yaw: float, limit: float
 ) -> None:
     dx, dy = math.cos(yaw), math.sin(yaw)
     assume(is_clear(occupied.tolist(), x, y, dx, dy))
@@ -63,7 +65,7 @@ def test_leaps_over_open_space_lose_nothing(share: float) -> None:
 
 
 @given(occupied=rooms, x=places, y=places, yaw=angles)
-def test_the_approximate_range_keeps_its_bound(occupied: NDArray[np.bool_], x: float, y: float, yaw: float) -> None:
+def test_the_approximate_range_keeps_its_bound(occupied: BoolArray, x: float, y: float, yaw: float) -> None:
     dx, dy = math.cos(yaw), math.sin(yaw)
     assume(is_clear(occupied.tolist(), x, y, dx, dy, 1e-7))
     met = [first for first, last in pieces(occupied.tolist(), x, y, dx, dy) if last - first >= EPSILON]
@@ -72,7 +74,7 @@ def test_the_approximate_range_keeps_its_bound(occupied: NDArray[np.bool_], x: f
     assert exact - EPSILON - 1e-9 <= got <= limit + 1e-9
 
 
-def grazing(generator: np.random.Generator, count: int) -> NDArray[np.float64]:
+def grazing(generator: np.random.Generator, count: int) -> FloatArray:
     """Poses (N, 3) whose rays pass the corner (20, 20) at distances of 1e-6 to 0.1 cells, on either side."""
     yaw = generator.uniform(-math.pi, math.pi, count)
     aside = generator.choice([-1.0, 1.0], count) * 10.0 ** generator.uniform(-6, -1, count)

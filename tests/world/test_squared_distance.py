@@ -16,7 +16,7 @@ from mclcli.world.squared_distance import squared_distances
 from tests.support import use_compiled
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import BoolArray
 
 LIMITS = [1, 2, 5, 100, 254**2, 255**2, 32767, 32768, 65535, 65536, 2**31 - 1]
 rooms = st.tuples(st.integers(1, 40), st.integers(1, 40)).flatmap(
@@ -24,7 +24,7 @@ rooms = st.tuples(st.integers(1, 40), st.integers(1, 40)).flatmap(
 )
 
 
-def naive(occupied: NDArray[np.bool_], limit: int) -> list[list[int]]:
+def naive(occupied: BoolArray, limit: int) -> list[list[int]]:
     """The least of all squared distances, cell by cell."""
     seeds = [(int(row), int(column)) for row, column in np.argwhere(occupied)]
     height, width = occupied.shape
@@ -45,7 +45,7 @@ def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 
 @pytest.mark.usefixtures("_path")
 @given(occupied=rooms, limit=st.sampled_from(LIMITS))
-def test_every_cell_has_the_least_of_all_squared_distances(occupied: NDArray[np.bool_], limit: int) -> None:
+def test_every_cell_has_the_least_of_all_squared_distances(occupied: BoolArray, limit: int) -> None:
     found = squared_distances(occupied, limit)
     assert found.dtype == (np.uint16 if limit < 2**16 else np.uint32)
     assert found.tolist() == naive(occupied, limit)

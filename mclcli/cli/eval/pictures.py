@@ -13,9 +13,9 @@ from mclcli.render.evaluation import Errors, draw_evaluation
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
     from PIL.Image import Image
 
+    from mclcli.arrays import FloatArray
     from mclcli.evaluate.evaluation import Evaluation, Protocol
     from mclcli.evaluate.events import Loss, Rule
     from mclcli.geometry.trajectory import Trajectory
@@ -74,7 +74,7 @@ def shades_of(losses: Sequence[Loss], first_ns: int, last: float) -> tuple[tuple
     )
 
 
-def during(truth: Trajectory, first_ns: int, last_ns: int) -> NDArray[np.float64]:
+def during(truth: Trajectory, first_ns: int, last_ns: int) -> FloatArray:
     """Poses of a reference (K, 3) from one stamp to another."""
     first, last = np.searchsorted(truth.stamps_ns, [first_ns, last_ns + 1])
     return truth.poses[first:last]

@@ -11,9 +11,7 @@ from mclcli.cli import options
 from mclcli.errors import InputError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.sensors import Measurement
 
 
@@ -116,8 +114,8 @@ def command(**arguments: Any) -> None:
 
 def _alphas(
     measurements: list[Measurement],
-    log_likelihoods: NDArray[np.float64],
-    poses: NDArray[np.float64],
+    log_likelihoods: FloatArray,
+    poses: FloatArray,
     ess_target: float,
 ) -> tuple[float, ...]:
     """Temperatures; ``auto`` looks at the beams from the likeliest pose, ``ess`` at equally weighted poses."""

@@ -20,8 +20,7 @@ from mclcli.sensors.models import LIDAR_MODELS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.cli.one_scan import MountedScan
     from mclcli.sensors.instruments import Reading
     from mclcli.settings.profiles import Settings
@@ -31,7 +30,7 @@ _HEADER = ("sensor", "name", "angle", "measured", "expected", "error", *COMPONEN
 
 
 def run(
-    arguments: dict[str, Any], settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: NDArray[np.float64]
+    arguments: dict[str, Any], settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: FloatArray
 ) -> None:
     """Write the table, and draw the picture, that the options ask for.
 
@@ -59,7 +58,7 @@ def run(
 
 
 def _explain(
-    instrument: Lidar | Camera, reading: Reading, mount: NDArray[np.float64], pose: NDArray[np.float64], model: str
+    instrument: Lidar | Camera, reading: Reading, mount: FloatArray, pose: FloatArray, model: str
 ) -> list[Explanation]:
     if isinstance(instrument, Lidar):
         selected = beams.select(reading, mount, instrument.selection)  # type: ignore[arg-type]
@@ -90,7 +89,7 @@ def _draw(
     grid: OccupancyGrid,
     scan: MountedScan,
     settings: Settings,
-    pose: NDArray[np.float64],
+    pose: FloatArray,
     rows: list[Explanation],
 ) -> None:
     """The scan on the map from this pose, endpoints coloured by log p."""

@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.cli.one_scan import MountedScan
     from mclcli.cli.score.poses import Candidates
     from mclcli.sensors import Measurement
@@ -36,9 +35,9 @@ class Scores:
     candidates: Candidates
     measurements: Sequence[Measurement]
     alphas: tuple[float, ...]
-    log_likelihoods: NDArray[np.float64]
-    log_weights: NDArray[np.float64]
-    weights: NDArray[np.float64]
+    log_likelihoods: FloatArray
+    log_weights: FloatArray
+    weights: FloatArray
 
 
 def write(scores: Scores, target: str, inputs: Sequence[Path], scan: MountedScan, grid: OccupancyGrid) -> None:

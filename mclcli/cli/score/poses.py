@@ -16,8 +16,7 @@ from mclcli.quantity import parse_list
 from mclcli.replay.setup import describe_extent
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.world.occupancy import OccupancyGrid
 
 _HEATMAP_POSITIONS = 15_000
@@ -31,7 +30,7 @@ class Candidates:
     ``step`` [m] is the spacing of the lattice among them, 0 without one.
     """
 
-    poses: NDArray[np.float64]
+    poses: FloatArray
     columns: tuple[str, ...]
     texts: list[tuple[str, ...]]
     step: float
@@ -59,7 +58,7 @@ def collect(arguments: dict[str, Any], grid: OccupancyGrid) -> Candidates:
     return Candidates(poses, columns, texts, step)
 
 
-def _given(poses: list[tuple[float, ...]], grid: OccupancyGrid) -> NDArray[np.float64]:
+def _given(poses: list[tuple[float, ...]], grid: OccupancyGrid) -> FloatArray:
     array = np.array(poses, dtype=np.float64).reshape(-1, 3)
     array[:, 2] = se2.wrap(array[:, 2])
     for x, y, _ in array[~grid.contains(array[:, :2])]:
@@ -67,7 +66,7 @@ def _given(poses: list[tuple[float, ...]], grid: OccupancyGrid) -> NDArray[np.fl
     return array
 
 
-def _from_file(source: str, grid: OccupancyGrid) -> tuple[NDArray[np.float64], tuple[str, ...], list[tuple[str, ...]]]:
+def _from_file(source: str, grid: OccupancyGrid) -> tuple[FloatArray, tuple[str, ...], list[tuple[str, ...]]]:
     from mclcli.io.tables.csv_table import read_poses
 
     poses, columns, rows = read_poses(source)
@@ -77,7 +76,7 @@ def _from_file(source: str, grid: OccupancyGrid) -> tuple[NDArray[np.float64], t
     return poses, columns, rows
 
 
-def _drawn(arguments: dict[str, Any], grid: OccupancyGrid) -> NDArray[np.float64]:
+def _drawn(arguments: dict[str, Any], grid: OccupancyGrid) -> FloatArray:
     x, y, yaw = arguments["around"]
     if not grid.contains([x, y]):
         raise UsageError(f"--around: ({x:g}, {y:g}) lies off the map; {describe_extent(grid)}")

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mclcli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.cli.one_scan import MountedScan
     from mclcli.sensors.instruments import Camera, Lidar, Reading
     from mclcli.settings.profiles import Settings
@@ -25,7 +23,7 @@ def input_files(arguments: dict[str, Any]) -> list[Path]:
 
 def instruments(
     arguments: dict[str, Any], settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: int
-) -> list[tuple[Lidar | Camera, Reading, NDArray[np.float64]]]:
+) -> list[tuple[Lidar | Camera, Reading, FloatArray]]:
     """The lidar, and a camera where there are bearings, each with its reading and its mount (4, 4)."""
     import numpy as np
 
@@ -43,7 +41,7 @@ def instruments(
     problem = lidar.problem(scan.scan)
     if problem:
         raise InputError(f"{arguments['scan']}: {problem}; it cannot be scored")
-    used: list[tuple[Lidar | Camera, Reading, NDArray[np.float64]]] = [(lidar, scan.scan, scan.base_from_sensor)]
+    used: list[tuple[Lidar | Camera, Reading, FloatArray]] = [(lidar, scan.scan, scan.base_from_sensor)]
     if (arguments["landmarks"] is None) != (arguments["bearings"] is None):
         raise UsageError("--landmarks and --bearings go together: where the landmarks are, and what was seen of them")
     if arguments["landmarks"] is not None:

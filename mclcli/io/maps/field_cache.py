@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray
     from mclcli.world.distance_field import Method
     from mclcli.world.occupancy import OccupancyGrid
 
@@ -120,7 +121,7 @@ def _header(
     kind: str,
     max_dist: float,
     codes: NDArray[Any],
-    levels: NDArray[np.float64],
+    levels: FloatArray,
     digest: str,
 ) -> dict[str, object]:
     """What the file says of its payload; a payload that is not what its maker wrote has another digest."""

@@ -23,9 +23,9 @@ from mclcli.io.tables.text_file import refuse_stand_ins
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from numpy.typing import NDArray
     from PIL.Image import Image
 
+    from mclcli.arrays import BoolArray
     from mclcli.io.maps.netpbm import Samples
 
 _BMP = b"BM"
@@ -43,7 +43,7 @@ class Raster:
 
     gray: Samples
     maxval: int
-    transparent: NDArray[np.bool_] | None = None
+    transparent: BoolArray | None = None
 
 
 def is_image(head: bytes) -> bool:

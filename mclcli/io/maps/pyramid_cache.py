@@ -20,8 +20,7 @@ from mclcli.world.pyramid import Pyramid
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import IntArray
     from mclcli.world.distance_field import DistanceField
 
 _MAGIC = b"mcl pyramid\n"
@@ -54,7 +53,7 @@ def _digest(field: DistanceField) -> str:
     return hashed.hexdigest()
 
 
-def _load(path: Path, digest: str, layout: NDArray[np.int64]) -> Pyramid | None:
+def _load(path: Path, digest: str, layout: IntArray) -> Pyramid | None:
     """Pyramid of a cache file, or None if there is none, it is not ours, or anything in it does not fit."""
     pool = np.empty(pyramid.size_of(layout), np.uint8)
     try:

@@ -21,8 +21,7 @@ from mclcli.records import LaserScan, Odometry, StampedPose, Transform
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.io.logs.base import RawMessage, Tally
     from mclcli.io.messages.parsing import Parsed
     from mclcli.io.messages.vision import Vision
@@ -147,7 +146,7 @@ def _occupancy_grid(value: Parsed, _: Context) -> OccupancyGrid | Undecodable:
         return Undecodable(str(error)[:200])
 
 
-def planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] | None:
+def planar_covariance(covariance: FloatArray) -> FloatArray | None:
     """Covariance (3, 3) of (x, y, yaw) from the 36 numbers of a ROS message, None if unusable.
 
     Unusable: all zero, not finite, above 1e12, not symmetric or not positive semidefinite (beyond rounding).
@@ -160,13 +159,13 @@ def planar_covariance(covariance: NDArray[np.float64]) -> NDArray[np.float64] | 
     return read_only(symmetric) if np.linalg.eigvalsh(symmetric)[0] >= -1e-9 * largest else None
 
 
-def _matrix(position: Parsed, rotation: Parsed) -> NDArray[np.float64] | None:
+def _matrix(position: Parsed, rotation: Parsed) -> FloatArray | None:
     """Transform (4, 4), None if the rotation is none or the translation is not finite, or beyond all bounds."""
     translation, quaternion = (position.x, position.y, position.z), (rotation.x, rotation.y, rotation.z, rotation.w)
     return read_only(se3.from_quaternion(translation, quaternion)) if _is_rigid(translation, quaternion) else None
 
 
-def _planar(pose: Parsed) -> NDArray[np.float64] | None:
+def _planar(pose: Parsed) -> FloatArray | None:
     """The same projected on the ground, (3,)."""
     position, rotation = pose.position, pose.orientation
     translation, quaternion = (position.x, position.y, position.z), (rotation.x, rotation.y, rotation.z, rotation.w)

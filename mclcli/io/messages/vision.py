@@ -17,8 +17,7 @@ from mclcli.records import CameraModel, LandmarkSightings, PixelSightings
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.io.messages.parsing import Parsed
 
     Vision = LandmarkSightings | PixelSightings | CameraModel
@@ -45,7 +44,7 @@ def _camera_info(value: Parsed, context: Context) -> CameraModel:
     )
 
 
-def _matrix(values: Parsed, *shape: int) -> NDArray[np.float64]:
+def _matrix(values: Parsed, *shape: int) -> FloatArray:
     return read_only(np.array(values, dtype=np.float64).reshape(shape))
 
 
@@ -143,7 +142,7 @@ def _pixels(header: Parsed, found: Found, context: Context) -> PixelSightings:
     return PixelSightings(context.stamp(header), frame_name(header.frame_id), ids, pixels)
 
 
-def _finite(found: Found, size: int, context: Context) -> tuple[tuple[str, ...], NDArray[np.float64]]:
+def _finite(found: Found, size: int, context: Context) -> tuple[tuple[str, ...], FloatArray]:
     """Ids and points (M, size), without those that say nothing."""
     pairs = list(found)
     points = np.array([point for _, point in pairs], dtype=np.float64).reshape(-1, size)

@@ -17,8 +17,7 @@ from mclcli.text import clean
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import BoolArray, IntArray
     from mclcli.geometry.frames import TransformTree
     from mclcli.io.logs.base import Channel, RawMessage
 
@@ -139,11 +138,11 @@ def _layout(channel: Channel, data: bytes) -> tuple[struct.Struct | None, int]:
     return struct.Struct(f"{order}iI"), 8 if array_first else 4
 
 
-def _events(times: NDArray[np.int64], steps: NDArray[np.int64], which: NDArray[np.bool_]) -> tuple[Event, ...]:
+def _events(times: IntArray, steps: IntArray, which: BoolArray) -> tuple[Event, ...]:
     return tuple(Event(int(times[i]), abs(int(steps[i])) / SECOND) for i in np.flatnonzero(which))
 
 
-def _jumps(stamps: NDArray[np.int64]) -> tuple[Event, ...]:
+def _jumps(stamps: IntArray) -> tuple[Event, ...]:
     steps = np.diff(stamps)
     return _events(stamps, steps, steps < -SECOND)
 

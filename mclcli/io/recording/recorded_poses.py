@@ -16,14 +16,11 @@ from mclcli.io.tables.tum import read_tum
 from mclcli.records import Odometry, StampedPose
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.geometry.frames import TransformTree
     from mclcli.geometry.trajectory import Trajectory
     from mclcli.io.recording.survey import LogSurvey
     from mclcli.records import Transform
-
-    Array = NDArray[np.float64]
 
 _TF = "tf:"
 
@@ -120,7 +117,7 @@ class Stated:
         spread = np.array(self._covariances, dtype=np.float64).reshape(-1, 3, 3) if complete else None
         return in_order(stamps, np.array(self._poses, dtype=np.float64).reshape(-1, 3), spread)
 
-    def _append(self, stamp_ns: int, pose: Array, covariance: Array | None) -> None:
+    def _append(self, stamp_ns: int, pose: FloatArray, covariance: FloatArray | None) -> None:
         self._stamps.append(stamp_ns)
         self._poses.extend(pose.tolist())
         if covariance is not None:

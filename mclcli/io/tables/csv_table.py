@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray, IntArray
 
 MAX_BYTES = 1 << 28
 
@@ -36,13 +36,13 @@ class Table:
     and N rows of their fields as written. ``lines`` holds the line each row stands on, (N,).
     """
 
-    numbers: dict[str, NDArray[np.float64]]
+    numbers: dict[str, FloatArray]
     columns: tuple[str, ...]
     texts: list[tuple[str, ...]]
-    lines: NDArray[np.int64]
+    lines: IntArray
 
 
-def read_poses(source: str | Path) -> tuple[NDArray[np.float64], tuple[str, ...], list[tuple[str, ...]]]:
+def read_poses(source: str | Path) -> tuple[FloatArray, tuple[str, ...], list[tuple[str, ...]]]:
     """Poses of a CSV with columns x, y, yaw; ``-`` is standard input.
 
     Returns

@@ -24,11 +24,10 @@ from mclcli.text import clean
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.io.tables.safe_yaml import Document, Value
 
-    Transform = NDArray[np.float64]
+    Transform = FloatArray
 
 LIMITS = safe_yaml.Limits(size=1 << 21, depth=8)
 _NANOSECONDS = 1_000_000_000
@@ -164,7 +163,7 @@ class _Fields:
             raise self._wrong(f"{clean(str(value), 40)} is not text; put it in quotes", *path)
         return (value or "").lstrip("/")
 
-    def _ranges(self) -> NDArray[np.float64]:
+    def _ranges(self) -> FloatArray:
         values = self._top["ranges"]
         if not isinstance(values, list) or "..." in values:
             raise self._wrong("the array was cut short", "ranges", remedy="print it with ros2 topic echo --full-length")

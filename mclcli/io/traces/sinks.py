@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from mclcli.arrays import FloatArray
 
 T_contra = TypeVar("T_contra", contravariant=True)
 
@@ -70,14 +70,14 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def covariance_text(covariance: NDArray[np.float64]) -> str:
+def covariance_text(covariance: FloatArray) -> str:
     """Fields of ``COVARIANCE_COLUMNS``, 9 significant digits, of a covariance (3, 3)."""
     require_finite("covariance", covariance)
     (xx, xy, xyaw), (_, yy, yyaw), (_, _, yawyaw) = covariance.tolist()
     return f"{xx:.9g},{xy:.9g},{xyaw:.9g},{yy:.9g},{yyaw:.9g},{yawyaw:.9g}"
 
 
-def require_finite(what: str, values: NDArray[np.float64]) -> None:
+def require_finite(what: str, values: FloatArray) -> None:
     """Refuse NaN and ±inf where a pose, covariance or weight is about to be written.
 
     Raises

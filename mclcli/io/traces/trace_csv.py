@@ -20,8 +20,7 @@ from mclcli.native import backend
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.io.traces.sinks import TextSink
     from mclcli.records import Hypothesis, StepRecord
 
@@ -167,7 +166,7 @@ def _plain(value: object) -> object:
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def rows_text(prefix: str, first: int, block: NDArray[np.float64]) -> str:
+def rows_text(prefix: str, first: int, block: FloatArray) -> str:
     """Rows (n, C) as text: prefix, number from ``first`` on, all but the last column fixed, the last general.
 
     Compiled code, which writes the same text, does it where a larger job has brought it into this process.
@@ -175,7 +174,7 @@ def rows_text(prefix: str, first: int, block: NDArray[np.float64]) -> str:
     return _rows_compiled(prefix, first, block) if backend.in_use() else _rows(prefix, first, block)
 
 
-def _rows(prefix: str, first: int, block: NDArray[np.float64]) -> str:
+def _rows(prefix: str, first: int, block: FloatArray) -> str:
     """By one ``%``: the fastest that the standard library offers."""
     row = f"{prefix}%d,{'%.9f,' * (block.shape[1] - 1)}%.9g\n"
     numbered = np.column_stack([np.arange(first, first + len(block)), block])
@@ -183,7 +182,7 @@ def _rows(prefix: str, first: int, block: NDArray[np.float64]) -> str:
     return text if np.isfinite(block).all() else _without_unusable(text)
 
 
-def _rows_compiled(prefix: str, first: int, block: NDArray[np.float64]) -> str:
+def _rows_compiled(prefix: str, first: int, block: FloatArray) -> str:
     """As far as compiled code can write the numbers; the rest by ``%``."""
     head, block = np.frombuffer(prefix.encode(), np.uint8), np.ascontiguousarray(block)
     out = np.empty(len(block) * (head.size + 32 * (block.shape[1] + 1)), np.uint8)
@@ -194,7 +193,7 @@ def _rows_compiled(prefix: str, first: int, block: NDArray[np.float64]) -> str:
     return text if rows == len(block) else text + _rows(prefix, first + rows, block[rows:])
 
 
-def _columns(sensors: tuple[str, ...], record: StepRecord) -> NDArray[np.float64]:
+def _columns(sensors: tuple[str, ...], record: StepRecord) -> FloatArray:
     """Log-likelihoods (S, N) in the order of the columns; NaN for a sensor without measurements."""
     _require_columns(sensors, record)
     if sensors == record.sensors:

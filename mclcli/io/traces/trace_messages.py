@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from mclcli.arrays import FloatArray
     from mclcli.records import Estimate, LaserScan, StepRecord, Transform
 
 _FIELDS = {
@@ -81,7 +82,7 @@ class Grid(Protocol):
         ...
 
     @property
-    def origin(self) -> NDArray[np.float64]:
+    def origin(self) -> FloatArray:
         """Pose (x, y, yaw) of the grid's corner in the map frame."""
         ...
 
@@ -99,7 +100,7 @@ def definition(name: str) -> str:
     return f"\n{'=' * 80}\n".join(parts) + "\n"
 
 
-def planar_poses(poses: NDArray[np.float64]) -> NDArray[np.float64]:
+def planar_poses(poses: FloatArray) -> FloatArray:
     """Planar poses (N, 3) as position and quaternion (N, 7): x, y, z, qx, qy, qz, qw."""
     rows = np.zeros((len(poses), 7))
     rows[:, :2] = poses[:, :2]
@@ -107,9 +108,7 @@ def planar_poses(poses: NDArray[np.float64]) -> NDArray[np.float64]:
     return rows
 
 
-def rounded_clouds(
-    poses: NDArray[np.float64], weights: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def rounded_clouds(poses: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
     """``planar_poses`` (N, 7), and the same with their weights (N, 8), rounded as ``ROUNDING`` says.
 
     So their last bytes are zero and chunks compress.
@@ -126,12 +125,12 @@ def rounded_clouds(
     return np.ascontiguousarray(particles[:, :7]), particles
 
 
-def _rounded(values: NDArray[np.float64], bits: int) -> NDArray[np.float64]:
+def _rounded(values: FloatArray, bits: int) -> FloatArray:
     """Values to the nearest multiple of 2^-bits."""
     return np.asarray(np.rint(values * 2.0**bits) * 2.0**-bits)
 
 
-def quaternion(rotation: NDArray[np.float64]) -> tuple[float, ...]:
+def quaternion(rotation: FloatArray) -> tuple[float, ...]:
     """Unit quaternion (x, y, z, w), w ≥ 0, of a rotation matrix (3, 3) or the upper left of a (4, 4).
 
     Source: Shepperd 1978: of the four ways to read it off, the one with the largest divisor.
@@ -172,7 +171,7 @@ def tf_message(transforms: Sequence[Transform]) -> bytes:
     return message.finish()
 
 
-def pose_stamped(stamp_ns: int, frame: str, pose: NDArray[np.float64]) -> bytes:
+def pose_stamped(stamp_ns: int, frame: str, pose: FloatArray) -> bytes:
     """geometry_msgs/PoseStamped."""
     message = _with_header(stamp_ns, frame)
     _pose(message, pose)
@@ -189,14 +188,14 @@ def pose_with_covariance(stamp_ns: int, frame: str, estimate: Estimate) -> bytes
     return message.finish()
 
 
-def particle_cloud(stamp_ns: int, frame: str, particles: NDArray[np.float64]) -> bytes:
+def particle_cloud(stamp_ns: int, frame: str, particles: FloatArray) -> bytes:
     """nav2_msgs/ParticleCloud of poses and weights (N, 8)."""
     message = _with_header(stamp_ns, frame)
     message.sequence(particles, count=len(particles))
     return message.finish()
 
 
-def pose_array(stamp_ns: int, frame: str, poses: NDArray[np.float64]) -> bytes:
+def pose_array(stamp_ns: int, frame: str, poses: FloatArray) -> bytes:
     """geometry_msgs/PoseArray of poses (N, 7)."""
     message = _with_header(stamp_ns, frame)
     message.sequence(poses, count=len(poses))
@@ -228,7 +227,7 @@ def laser_scan(scan: LaserScan) -> bytes:
     return message.finish()
 
 
-def _pose(message: CdrWriter, pose: NDArray[np.float64]) -> None:
+def _pose(message: CdrWriter, pose: FloatArray) -> None:
     """geometry_msgs/Pose of a planar pose (3,)."""
     x, y, yaw = pose.tolist()
     message.f64(x, y, 0.0, 0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))

@@ -16,8 +16,7 @@ from mclcli.settings.robots import names
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
-    from numpy.typing import NDArray
-
+    from mclcli.arrays import FloatArray
     from mclcli.settings.robots.blocks import NodeParameters
 
     Values = Mapping[str, names.Value]
@@ -30,8 +29,8 @@ _SAME = 1e-3  # relative: 0.1745 stands for 10°
 class InitialPose:
     """Pose (3,) x, y [m], yaw [rad] in map, and its covariance (3, 3)."""
 
-    pose: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    pose: FloatArray
+    covariance: FloatArray
 
 
 def initial_pose(name: str, dialect: str, as_read: Values) -> InitialPose | None:
