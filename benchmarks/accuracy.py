@@ -93,15 +93,15 @@ class Loaded:
 
     def setup(self, settings: Settings, seed: int, start: Start | None = None, temperature: float | str = "") -> Setup:
         """Setup of one run, by default from the first reference pose (0.1 m, 5°)."""
-        stated = zip(self.reference.stamps_ns, self.reference.poses, strict=True)
+        track = zip(self.reference.stamps_ns, self.reference.poses, strict=True)
         landmarks = self.data / self.case.landmarks if self.case.landmarks else None
         return mcl.prepare(
-            self.recording.found,
+            self.recording.survey,
             self.recording.roles(),
             grid=mcl.load_map(self.data / self.case.grid) if self.case.grid else None,
             landmarks=None if landmarks is None else read_landmarks(landmarks),
             settings=settings,
-            start=start or mcl.AlongPoses([StampedPose(int(stamp), "map", pose) for stamp, pose in stated]),
+            start=start or mcl.AlongPoses([StampedPose(int(stamp), "map", pose) for stamp, pose in track]),
             seed=seed,
             temperature={"": temperature} if temperature else {},
         )
@@ -128,8 +128,8 @@ class Loaded:
 def reference_of(case: Case, data: Path, recording: Recording) -> Trajectory:
     """The case's reference."""
     if case.reference.endswith(".tum"):
-        stated = read_tum(data / case.reference)
-        return Trajectory(stated.stamps_ns, stated.poses)
+        track = read_tum(data / case.reference)
+        return Trajectory(track.stamps_ns, track.poses)
     records = [r for r in recording.records(case.reference) if isinstance(r, Odometry | StampedPose)]
     return Trajectory(np.array([r.stamp_ns for r in records]), np.array([r.pose for r in records]))
 

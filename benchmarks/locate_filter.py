@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import mclcli as mcl
-from mclcli.cli.searching import make_finder
+from mclcli.cli.searching import global_search
 from mclcli.geometry import se2
 from mclcli.io.tables.tum import read_tum
 from mclcli.records import LaserScan, Odometry
@@ -72,14 +72,14 @@ def _moved(record: object, gap_ns: int, last: np.ndarray, first: np.ndarray) -> 
 
 def global_starts(recording: Recording, grid: OccupancyGrid, reference: mcl.Trajectory, seeds: int) -> None:
     """How many scans a global start takes."""
-    finder = make_finder(profiles.build({}), grid, None)
+    search = global_search(profiles.build({}), grid, None)
     last_ns = recording.first_ns + 120 * 10**9
     print("| start | seeds | within 1 scan | within 3 scans | never |\n|---|---|---|---|---|")
-    for name, start in (("global", FoundOnMap(finder, grid)), ("uniform", mcl.Anywhere(grid))):
+    for name, start in (("global", FoundOnMap(search, grid)), ("uniform", mcl.Anywhere(grid))):
         took = []
         for seed in range(seeds):
             setup = mcl.prepare(
-                recording.found, recording.roles(), grid=grid, start=start, seed=seed, window_ns=(-(2**63), last_ns)
+                recording.survey, recording.roles(), grid=grid, start=start, seed=seed, window_ns=(-(2**63), last_ns)
             )
             points = list(mcl.replay(recording.events(setup.topics), setup))
             took.append((scans_until_right(points, reference), len(points)))
@@ -94,10 +94,10 @@ def kidnappings(recording: Recording, grid: OccupancyGrid, reference: mcl.Trajec
     events = list(recording.events({roles.scan[0], roles.odometry}))
     events = [event for event in events if isinstance(event[1], LaserScan | Odometry)]
     stamps = np.array([_stamp(event) for event in events if isinstance(event[1], LaserScan)])
-    finder = make_finder(profiles.build({}), grid, None)
+    search = global_search(profiles.build({}), grid, None)
     print("| recovery | kidnappings | back within 5 scans | within 20 | median |\n|---|---|---|---|---|")
     for recovery in ("locate", "uniform"):
-        proposal = FoundAgain(finder, grid) if recovery == "locate" else None
+        proposal = FoundAgain(search, grid) if recovery == "locate" else None
         took = []
         for place in range(places):
             leave = int(stamps[(place + 1) * stamps.size // (places + 2)])
@@ -126,7 +126,7 @@ def _kidnap(
     start_ns = next(record.stamp_ns for _, record in log if isinstance(record, LaserScan))
     true = reference.poses[int(np.argmin(np.abs(reference.stamps_ns - start_ns)))]
     setup = mcl.prepare(
-        recording.found,
+        recording.survey,
         recording.roles(),
         grid=grid,
         settings=profiles.build({"recovery": recovery}),
@@ -151,8 +151,8 @@ def main() -> None:
     chosen = options.parse_args()
     recording = mcl.open_recording(chosen.data / "intel/intel.mcap")
     grid = mcl.load_map(chosen.data / "intel/intel.yaml")
-    stated = read_tum(chosen.data / "intel/truth.tum")
-    reference = mcl.Trajectory(stated.stamps_ns, stated.poses)
+    track = read_tum(chosen.data / "intel/truth.tum")
+    reference = mcl.Trajectory(track.stamps_ns, track.poses)
     global_starts(recording, grid, reference, chosen.seeds)
     kidnappings(recording, grid, reference, chosen.places, 2)
 

@@ -18,7 +18,7 @@ import numpy as np
 
 import mclcli as mcl
 from benchmarks.locate_worlds import COLUMNS, result
-from mclcli.cli.searching import make_finder
+from mclcli.cli.searching import global_search
 from mclcli.geometry import se2
 from mclcli.io.tables.tum import read_tum
 from mclcli.records import LaserScan, Odometry
@@ -31,7 +31,7 @@ from mclcli.settings import profiles
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from mclcli.replay.finder import Finder
+    from mclcli.replay.finder import GlobalSearch
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ CASES = {
 def moments(case: Case, data: Path) -> Iterator[tuple[float, list[Observation]]]:
     """Window and what was seen in it, moment by moment."""
     recording = mcl.open_recording(data / case.log)
-    setup = mcl.prepare(recording.found, recording.roles(), grid=mcl.load_map(data / case.grid))
+    setup = mcl.prepare(recording.survey, recording.roles(), grid=mcl.load_map(data / case.grid))
     intake, seen = Intake(setup, ReplayTally()), deque[Observation]()
     total = sum(1 for _ in recording.records(recording.roles().scan[0]))
     wanted = set(np.linspace(0, total - 2, case.moments or total).astype(int).tolist())
@@ -94,8 +94,8 @@ def moments(case: Case, data: Path) -> Iterator[tuple[float, list[Observation]]]
 def reference_of(case: Case, data: Path) -> mcl.Trajectory:
     """The case's reference."""
     if case.reference.endswith(".tum"):
-        stated = read_tum(data / case.reference)
-        return mcl.Trajectory(stated.stamps_ns, stated.poses)
+        track = read_tum(data / case.reference)
+        return mcl.Trajectory(track.stamps_ns, track.poses)
     records = mcl.open_recording(data / case.log).records(case.reference)
     stated_poses = [record for record in records if isinstance(record, Odometry)]
     return mcl.Trajectory(np.array([r.stamp_ns for r in stated_poses]), np.array([r.pose for r in stated_poses]))
@@ -109,11 +109,11 @@ def truth_at(reference: mcl.Trajectory, stamp_ns: int) -> np.ndarray:
     return se2.interpolate(reference.poses[after - 1], reference.poses[after], fraction)
 
 
-def time_of_proof(finder: Finder, seen: list[Observation]) -> float:
+def time_of_proof(search: GlobalSearch, seen: list[Observation]) -> float:
     """Processor time [s] of the global maximum alone."""
-    view = finder.view(seen)
+    view = search.view(seen)
     assert view is not None  # noqa: S101 - there is a scan
-    scene, field = finder.scene, finder.scene.model.field
+    scene, field = search.scene, search.scene.model.field
     began = time.process_time()
     grid = lattice.build(view.beams.endpoints / field.resolution, scene.places)
     branching.prepare(field, scene.pyramid, grid, scene.model.table(view.beams.r_max)).maximum()
@@ -123,13 +123,13 @@ def time_of_proof(finder: Finder, seen: list[Observation]) -> float:
 def run(name: str, data: Path, writer: csv.Writer | None) -> None:  # type: ignore[name-defined]
     """One case: rows, and a line per window."""
     case = CASES[name]
-    finder = make_finder(profiles.build({}), mcl.load_map(data / case.grid), None)
+    search = global_search(profiles.build({}), mcl.load_map(data / case.grid), None)
     reference = reference_of(case, data)
     found: dict[float, list[tuple[float, ...]]] = {}
     for number, (window, seen) in enumerate(moments(case, data)):
-        proof = time_of_proof(finder, seen)
+        proof = time_of_proof(search, seen)
         began = time.process_time()
-        location = finder.find(seen, 5)
+        location = search.find(seen, 5)
         spent = time.process_time() - began
         if location is None:
             continue

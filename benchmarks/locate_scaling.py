@@ -10,7 +10,7 @@ import time
 import numpy as np
 
 from mclcli.records import LaserScan
-from mclcli.replay import finder as whereabouts
+from mclcli.replay.finder import GlobalSearch, make_global_search
 from mclcli.search import branching, lattice
 from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.sensors.observation import Observation
@@ -51,13 +51,13 @@ def main() -> None:
         grid = tiled(size)
         began = time.process_time()
         model = LikelihoodField(distance_field.compute(grid, "exact", 2.0), profiles.build({}).likelihood_field)
-        finder = whereabouts.make_finder(grid, model, profiles.build({}), pyramid.build)
+        search = make_global_search(grid, model, profiles.build({}), pyramid.build)
         prepared = time.process_time() - began
         for beams in (90, 180, 720):
             settings = profiles.build({"locate_beams": beams})
             view = [Observation("/scan", scan_of(grid, np.array([12.0, 5.9, 0.4]), beams), np.zeros(3), np.eye(4))]
-            search = whereabouts.Finder(finder.scene, settings)
-            seen, scene = search.view(view), finder.scene
+            search = GlobalSearch(search.scene, settings)
+            seen, scene = search.view(view), search.scene
             assert seen is not None  # noqa: S101 - there is a scan
             began = time.process_time()
             grid_of = lattice.build(seen.beams.endpoints / 0.05, scene.places)

@@ -19,7 +19,7 @@ import numpy as np
 
 from mclcli.geometry import se2, se3
 from mclcli.records import LaserScan
-from mclcli.replay import finder as whereabouts
+from mclcli.replay.finder import GlobalSearch, make_global_search
 from mclcli.replay.setup import lidar_model
 from mclcli.search.calibration import Figures
 from mclcli.sensors.likelihood_field import LikelihoodField
@@ -153,13 +153,13 @@ def drowned(seen: list[Observation], rng: np.random.Generator) -> list[Observati
     return drowned_scans
 
 
-def finder_of(mapped: Building) -> whereabouts.Finder:
+def finder_of(mapped: Building) -> GlobalSearch:
     """The search over a building's map, with default settings."""
     grid = OccupancyGrid(mapped.grid, mapped.resolution, np.array(mapped.origin))
     settings = profiles.build({})
     model = lidar_model(grid, settings, distance_field.compute, 0.0)
     assert isinstance(model, LikelihoodField)  # noqa: S101
-    return whereabouts.make_finder(grid, model, settings, pyramid.build)
+    return make_global_search(grid, model, settings, pyramid.build)
 
 
 def is_right(pose: np.ndarray, true: np.ndarray) -> bool:
@@ -171,7 +171,7 @@ def is_right(pose: np.ndarray, true: np.ndarray) -> bool:
 def rows(kind: str, change: str, seed: int) -> Iterator[list[object]]:
     """Every moment and window of one drive."""
     mapped, recording = record(kind, change, seed)
-    finder, seen = finder_of(mapped), observations(recording)
+    search, seen = finder_of(mapped), observations(recording)
     if change == "noise":
         seen = drowned(seen, np.random.default_rng(seed))
     stamps = recording.scan_stamps_ns
@@ -180,7 +180,7 @@ def rows(kind: str, change: str, seed: int) -> Iterator[list[object]]:
         true = recording.truth.at(stamps[moment : moment + 1])[0]
         for window in WINDOWS:
             first = int(np.searchsorted(stamps, stamps[moment] - round(window * 1e9)))
-            location = finder.find(seen[first : moment + 1], 5)
+            location = search.find(seen[first : moment + 1], 5)
             if location is not None:
                 yield [
                     kind,

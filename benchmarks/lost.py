@@ -15,7 +15,7 @@ import mclcli as mcl
 from benchmarks.accuracy import CASES, Loaded
 from mclcli.filter import particles
 from mclcli.filter.fit import PROBABLY_LOST
-from mclcli.filter.start import STATED_SPREAD
+from mclcli.filter.start import GIVEN_SPREAD
 
 if TYPE_CHECKING:
     from mclcli.records import TrackPoint
@@ -37,7 +37,7 @@ def lines(name: str, loaded: Loaded, lost: int) -> list[str]:
     runs = [tracked]
     grid = mcl.load_map(loaded.data / loaded.case.grid)
     for pose in particles.uniform(grid, lost, np.random.default_rng(0)):
-        start = mcl.AroundPose(pose, STATED_SPREAD)
+        start = mcl.AroundPose(pose, GIVEN_SPREAD)
         runs.append(judged(loaded, loaded.run(loaded.setup(settings, 0, start))))
     fits, errors = (np.concatenate(parts) for parts in zip(*runs, strict=True))
     groups = {"within 0.3 m": errors < _RIGHT, "more than 1 m off": errors > _WRONG}

@@ -31,14 +31,14 @@ def measure(case: Case, data: Path, temperature: float | str, seed: int) -> tupl
     """RMSE [m], ANEES/3, mean temperature of the first sensor, and the share of updates left out of ANEES."""
     recording = mcl.open_recording(data / case.log)
     reference = reference_of(case, data, recording)
-    stated = [StampedPose(int(t), "map", p) for t, p in zip(reference.stamps_ns, reference.poses, strict=True)]
+    poses = [StampedPose(int(t), "map", p) for t, p in zip(reference.stamps_ns, reference.poses, strict=True)]
     setup = mcl.prepare(
-        recording.found,
+        recording.survey,
         recording.roles(),
         grid=mcl.load_map(data / case.grid) if case.grid else None,
         landmarks=read_landmarks(data / case.landmarks) if case.landmarks else None,
         settings=mcl.settings({}, model=case.model),
-        start=mcl.AlongPoses(stated),
+        start=mcl.AlongPoses(poses),
         seed=seed,
         temperature={"": temperature},
     )

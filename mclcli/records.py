@@ -61,7 +61,7 @@ class Transform:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class StampedPose:
-    """A pose somebody stated: ground truth, an initial pose, another localizer's answer.
+    """A pose from outside: ground truth, an initial pose, another localizer's answer.
 
     ``pose`` (3,) x, y [m], yaw [rad] in ``frame_id``; ``covariance`` (3, 3) of (x, y, yaw), or None if unusable.
     """
@@ -100,7 +100,7 @@ class PixelSightings:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class CameraModel:
-    """A camera's calibration as stated (sensor_msgs/CameraInfo); nothing is checked here (``geometry.pinhole`` does).
+    """A camera's calibration as in sensor_msgs/CameraInfo; ``geometry.pinhole`` checks it.
 
     ``k`` (3, 3) and ``distortion`` (C,) of model ``distortion_model`` belong to the raw image, the rotation ``r``
     (3, 3) leads from it to the rectified one, to which ``p`` (3, 4) belongs. They are told for the full image, of

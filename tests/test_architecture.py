@@ -80,7 +80,7 @@ def test_the_contracts_of_the_house_hold() -> None:
         ("click", ("cli/",)),
         ("rich", ("cli/",)),
         ("numba", ("kernels/", "native/backend.py")),
-        ("llvmlite", ("kernels/_lanes.py", "native/backend.py", "native/machine_code.py", "native/array_gate.py")),
+        ("llvmlite", ("kernels/_vectors.py", "native/backend.py", "native/machine_code.py", "native/array_gate.py")),
         ("platformdirs", ("cache.py",)),
         ("pickle", ()),
         ("evo", ()),

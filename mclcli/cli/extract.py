@@ -51,7 +51,7 @@ def command(log: str, topic: str | None, at: str | None, index: int | None, form
     from mclcli.io.tables.scan_file import format_scan
 
     recording, parts = one_scan.open_for_scan(Path(log), None)
-    channel = recording.found.topics.get(topic or "")
+    channel = recording.survey.topics.get(topic or "")
     if topic is not None and (channel is None or channel.channel.type not in SCAN):
         click.echo(_other(recording, topic, at, index, form), nl=False)
         return
@@ -71,8 +71,10 @@ def _other(recording: Recording, topic: str, at: str | None, index: int | None, 
     from mclcli.io.messages.decoding import to_plain
     from mclcli.io.tables.yaml_text import to_yaml
 
-    if topic not in recording.found.topics:
-        raise UsageError(f"no topic '{topic}' in the log; it has {', '.join(sorted(recording.found.topics)) or 'none'}")
+    if topic not in recording.survey.topics:
+        raise UsageError(
+            f"no topic '{topic}' in the log; it has {', '.join(sorted(recording.survey.topics)) or 'none'}"
+        )
     message = one_scan.pick_one(recording.raw(topic), lambda raw: raw.log_time_ns, recording.first_ns, at, index)
     plain = to_plain(message)
     return to_yaml(plain) if form == "yaml" else json.dumps(plain) + "\n"

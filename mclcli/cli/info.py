@@ -40,7 +40,7 @@ def command(logs: tuple[str, ...], as_json: bool, **_: Any) -> int:
 
     stdin, diagnosis = sys.stdin.buffer if "-" in logs else None, Diagnosis()
     recording = Recording(open_log(logs, stdin=stdin), whole=True, diagnosis=diagnosis)
-    parts = roles.assign(recording.found, roles.Wishes())
+    parts = roles.assign(recording.survey, roles.RequestedRoles())
     facts = describe(recording, diagnosis, parts, logs)
     click.echo(json.dumps(facts, indent=2) if as_json else "\n".join(_lines(facts)))
     return DAMAGED if recording.tally.lossy else 0
@@ -48,9 +48,9 @@ def command(logs: tuple[str, ...], as_json: bool, **_: Any) -> int:
 
 def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tuple[str, ...]) -> dict[str, Any]:
     """Everything ``mcl info`` knows, as plain values."""
-    span = recording.found.span_ns
+    span = recording.survey.span_ns
     lidars = [_lidar(recording, parts, topic) for topic in parts.scan]
-    topics = [recording.found.topics[name] for name in sorted(recording.found.topics)]
+    topics = [recording.survey.topics[name] for name in sorted(recording.survey.topics)]
     return {
         "files": list(recording.log.names),
         "start": None if span is None else span[0] * 1e-9,
@@ -70,10 +70,10 @@ def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tup
             "reasons": parts.reasons,
         },
         "lidars": lidars,
-        "frames": {frame: recording.found.frames.parent(frame) for frame in recording.found.frames.frames},
+        "frames": {frame: recording.survey.frames.parent(frame) for frame in recording.survey.frames.frames},
         "damage": [damage.describe(span[0] if span else None) for damage in recording.tally.damages],
         "problems": [*diagnosis.problems(span[0] if span else 0), *_loose(recording, parts, lidars)],
-        "run": _run_line(recording.found, parts, logs),
+        "run": _run_line(recording.survey, parts, logs),
     }
 
 
@@ -83,7 +83,7 @@ def _loose(recording: Recording, parts: Roles, lidars: list[dict[str, Any]]) -> 
 
     unmounted = [lidar for lidar in lidars if lidar["base_from_sensor"] is None]
     return [
-        *loose_frames(recording.found.frames),
+        *loose_frames(recording.survey.frames),
         *(
             f"{clean(lidar['topic'])}: no transform from '{clean(parts.base_frame)}' to '{clean(lidar['frame'])}'"
             for lidar in unmounted
@@ -126,8 +126,8 @@ def _lidar(recording: Recording, parts: Roles, name: str) -> dict[str, Any]:
 
     from mclcli.geometry import se3
 
-    scan: Any = recording.found.topics[name].sample
-    mount = recording.found.frames.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
+    scan: Any = recording.survey.topics[name].sample
+    mount = recording.survey.frames.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
     finite = np.isfinite(scan.ranges)
     return {
         "topic": name,
@@ -144,7 +144,7 @@ def _lidar(recording: Recording, parts: Roles, name: str) -> dict[str, Any]:
     }
 
 
-def _run_line(found: LogSurvey, parts: Roles, logs: tuple[str, ...]) -> str:
+def _run_line(survey: LogSurvey, parts: Roles, logs: tuple[str, ...]) -> str:
     """The command that runs this log, with everything said that has to be."""
     from mclcli.io.recording import roles
 
@@ -153,7 +153,7 @@ def _run_line(found: LogSurvey, parts: Roles, logs: tuple[str, ...]) -> str:
         words += ["--map", "MAP.yaml"]
     if parts.vision:
         words += ["--landmarks", "LANDMARKS.csv"]
-    start = roles.initialpose(found) or parts.truth or "X,Y,YAW"
+    start = roles.initialpose(survey) or parts.truth or "X,Y,YAW"
     words += ["--init", start, "--track", "track.csv", "--picture", "track.png"]
     if parts.truth:
         words += ["--truth", parts.truth]

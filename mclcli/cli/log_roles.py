@@ -34,8 +34,8 @@ def assign_roles(arguments: dict[str, Any], recording: Recording, chosen: Chosen
     if arguments["vision"] and arguments["landmarks"] is None:
         raise UsageError("--vision needs --landmarks: where the landmarks stand")
     overruled = {key for key, option in _OVERRULED_BY.items() if arguments[option]}
-    names = names_in(recording.found, chosen, overruled)
-    wishes = roles.Wishes(
+    names = names_in(recording.survey, chosen, overruled)
+    requested = roles.RequestedRoles(
         scan=arguments["scans"] or ((names["scan_topic"],) if names["scan_topic"] else ()),
         odometry=arguments["odom"] or "",
         vision=arguments["vision"],
@@ -44,14 +44,14 @@ def assign_roles(arguments: dict[str, Any], recording: Recording, chosen: Chosen
         odom_frame=names["odom_frame_id"],
         map_frame=chosen.settings.frames.global_frame_id,
     )
-    parts = roles.assign(recording.found, wishes)
+    parts = roles.assign(recording.survey, requested)
     for role in ("scan", "odometry"):
         if "not " in (reason := parts.reasons.get(role, "")):
             console.remark(f"{role}: {' '.join(getattr(parts, role)) if role == 'scan' else parts.odometry}, {reason}")
     return parts
 
 
-def names_in(found: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) -> dict[str, str]:
+def names_in(survey: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) -> dict[str, str]:
     """Topics and frames by parameter: those set, and those of the robot's file that the log has; the rest is empty.
 
     ``overruled`` are parameters in whose place the command line has named something.
@@ -61,8 +61,8 @@ def names_in(found: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) 
     for key, name in named.items():
         if key in overruled:
             named[key] = ""
-        elif chosen.file is not None and key in chosen.wishes:
-            named[key] = topic_names.find(found, key, name, chosen.file.namespace)
+        elif chosen.file is not None and key in chosen.tentative:
+            named[key] = topic_names.find(survey, key, name, chosen.file.namespace)
             if not named[key]:
                 console.remark(f"{chosen.file.name}: {key} '{name}' is not in the log; chosen as if not given")
         elif name and key.endswith("topic"):

@@ -64,15 +64,15 @@ def open_for_scan(
 
     recording = Recording(open_log([path]))
     overruled = {"map_topic", "scan_topic"} if topic else {"map_topic"}
-    names = {} if chosen is None else names_in(recording.found, chosen, overruled)
+    names = {} if chosen is None else names_in(recording.survey, chosen, overruled)
     scan = topic or names.get("scan_topic", "")
-    wished = roles.Wishes(
+    requested = roles.RequestedRoles(
         scan=(scan,) if scan else (),
         odometry=odometry or names.get("odom_topic", ""),
         base_frame=names.get("base_frame_id", ""),
         odom_frame=names.get("odom_frame_id", ""),
     )
-    return recording, roles.assign(recording.found, wished)
+    return recording, roles.assign(recording.survey, requested)
 
 
 def scan_of_log(recording: Recording, parts: Roles, at: str | None, index: int | None) -> LaserScan:
@@ -153,7 +153,7 @@ def mount_in_log(recording: Recording, parts: Roles, scan: LaserScan, mounts: di
     given = mounts.get(scan.frame_id, mounts.get(""))
     if given is not None:
         return given
-    tree = recording.found.frames
+    tree = recording.survey.frames
     mount = tree.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
     if mount is None:
         raise InputError(

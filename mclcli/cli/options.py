@@ -202,11 +202,11 @@ model = _all(
 @final
 @dataclass(frozen=True, slots=True)
 class Chosen:
-    """Settings, and the file of --params that they come from, if any; ``wishes`` are what only the file says."""
+    """Settings, and the file of --params that they come from, if any; ``tentative`` are what only the file says."""
 
     settings: Settings
     file: FileParameters | None
-    wishes: frozenset[str] = frozenset()
+    tentative: frozenset[str] = frozenset()
 
 
 def choose_settings(
@@ -234,4 +234,4 @@ def choose_settings(
         console.remark(line)
     for line in file.warnings:
         console.warn(line)
-    return Chosen(settings, file, file.wishes - set(given))
+    return Chosen(settings, file, file.tentative - set(given))

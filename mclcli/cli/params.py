@@ -31,7 +31,7 @@ def command(**arguments: Any) -> None:
     else:
         from mclcli.io.tables.params_yaml import format_params
 
-        click.echo(format_params(chosen.settings.stated(), _comments()), nl=False)
+        click.echo(format_params(chosen.settings.as_file(), _comments()), nl=False)
         if chosen.file is not None and chosen.file.start is not None:
             x, y, yaw = (float(value) for value in chosen.file.start.pose)
             console.remark(f"the start is no parameter, give it to mcl run: --init {x:g},{y:g},{yaw:g}")
@@ -44,4 +44,8 @@ def _comments() -> dict[str, str]:
         name: f"[{description.unit}] {description.meaning}" if description.unit else description.meaning
         for _, name, _, description in profiles.table()
     }
-    return {"profile": "whose semantics, as --profile", "model": "lidar model, as --model", **meanings}
+    return {
+        "profile": "whose rules: textbook, nav2 or beluga, as --profile",
+        "model": "lidar model, as --model",
+        **meanings,
+    }

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from mclcli.errors import UsageError
 from mclcli.io.maps.field_cache import cached_field
 from mclcli.io.maps.pyramid_cache import cached_pyramid
-from mclcli.replay import finder as whereabouts
+from mclcli.replay import finder
 from mclcli.replay.finder import FoundAgain, FoundOnMap
 from mclcli.replay.setup import alpha_of, lidar_model
 from mclcli.sensors.likelihood_field import LikelihoodField
@@ -17,25 +17,25 @@ if TYPE_CHECKING:
     from mclcli.filter.recovery import Proposal
     from mclcli.filter.start import Start
     from mclcli.io.recording.roles import Roles
-    from mclcli.replay.finder import Finder, Limits
+    from mclcli.replay.finder import GlobalSearch, Limits
     from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
 
 
-def make_finder(
+def global_search(
     settings: Settings,
     grid: OccupancyGrid,
     landmarks: Landmarks | None,
     alpha: float | str = "auto",
     limits: Limits | None = None,
-) -> Finder:
+) -> GlobalSearch:
     """The search that the settings ask for; with the beam model the likelihood field finds what that looks at again."""
     if settings.model == "beam":
         settings = dataclasses.replace(settings, model="likelihood_field")
     model = lidar_model(grid, settings, lambda *what, **how: cached_field(*what, **how)[0], 0.0)
     assert isinstance(model, LikelihoodField)  # noqa: S101 - that is what the model was set to
-    return whereabouts.make_finder(
+    return finder.make_global_search(
         grid,
         model,
         settings,
@@ -77,5 +77,5 @@ def search_for(
     again = settings.recovery.recovery == "locate" and settings.recovery.enabled
     if grid is None or not parts.scan or not (anywhere or again):
         return start, None
-    finder = make_finder(settings, grid, landmarks)
-    return FoundOnMap(finder, grid) if anywhere else start, FoundAgain(finder, grid) if again else None
+    search = global_search(settings, grid, landmarks)
+    return FoundOnMap(search, grid) if anywhere else start, FoundAgain(search, grid) if again else None

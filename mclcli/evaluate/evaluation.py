@@ -36,7 +36,7 @@ class Evaluation:
     """A track against a reference; statistics of yaw are of magnitudes [rad].
 
     ``rpe_*`` are None where no two poses are far enough apart, ``converged_after`` [s] where it never converged,
-    ``consistency`` where no covariance is stated, ``motion`` (x, y, yaw) where nothing was aligned. ``within``: share
+    ``consistency`` without covariances, ``motion`` (x, y, yaw) where nothing was aligned. ``within``: share
     of poses within so many metres. ``losses`` do not count the time before the robot was found first: ``found_after``
     [s] is that, 0 if it started right, None if it was never found.
     """

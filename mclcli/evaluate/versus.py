@@ -46,22 +46,22 @@ def compare(track: Trajectory, belief: Trajectory, rule: Rule = APART) -> Compar
     return Comparison(belief, differences, tuple(stretches(pairs, differences, rule)))
 
 
-def carried(stated: Trajectory, odometry: Trajectory) -> Trajectory:
-    """Belief at each odometry sample: the last pose stated until then, carried on by odometry.
+def carried(belief: Trajectory, odometry: Trajectory) -> Trajectory:
+    """Belief at each odometry sample: the robot's last pose until then, carried on by odometry.
 
     That is what a robot believes between two answers of its localizer, knowing nothing of the next one. Samples
-    before the first stated pose, and stated poses outside the odometry's span, are left out.
+    before the robot's first pose, and poses outside the odometry's span, are left out.
 
     Raises
     ------
     InputError
-        If no stated pose lies within the odometry's span.
+        If none of the poses lies within the odometry's span.
 
     """
-    odom_then, covered = odometry.at(stated.stamps_ns, _ALWAYS_NS)
-    stamps, poses, odom_then = stated.stamps_ns[covered], stated.poses[covered], odom_then[covered]
+    odom_then, covered = odometry.at(belief.stamps_ns, _ALWAYS_NS)
+    stamps, poses, odom_then = belief.stamps_ns[covered], belief.poses[covered], odom_then[covered]
     if not stamps.size:
-        raise InputError("no pose that the robot stated lies within the run; are both of the same clock?")
+        raise InputError("none of the robot's own poses lies within the run; are both of the same clock?")
     last = np.searchsorted(stamps, odometry.stamps_ns, side="right") - 1
     known = last >= 0
     since = se2.between(odom_then[last[known]], odometry.poses[known])

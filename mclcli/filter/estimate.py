@@ -27,7 +27,7 @@ _THINNED = 2000
 _LOWER = np.tril_indices(3)
 
 
-def stated(
+def report(
     poses: FloatArray,
     weights: FloatArray,
     *,
@@ -38,7 +38,7 @@ def stated(
     """The estimate, and what finds the heaviest clusters, at most so many, once somebody asks for them.
 
     Mean and covariance are each of the whole ``set`` or of its ``heaviest`` cluster; nav2_amcl takes one of each. Of a
-    large set hypotheses are those of 2,000 of its particles: clusters of less weight are not worth stating.
+    large set hypotheses are those of 2,000 of its particles: clusters of less weight are not worth reporting.
     """
     whole = weighted_mean(poses, weights)
     if "heaviest" not in {mean_of, covariance_of}:

@@ -84,8 +84,8 @@ class Localizer:
         record = self._decide(record, way, averages if propose else None)
         after = self._resample(record, propose) if record.resampled else _carry(record, weighed.log_total)
         if self.parameters.estimate == "after":
-            stated = self._belief(after.poses, weights.normalise(after.log_weights), "after")
-            record = dataclasses.replace(record, **stated)
+            reported = self._belief(after.poses, weights.normalise(after.log_weights), "after")
+            record = dataclasses.replace(record, **reported)
         # What a robot that is being looked for sees from where it was thought to be says nothing of its beams.
         sought = propose is not None and record.reliability < fit.PROBABLY_LOST
         known = state.correlations
@@ -157,11 +157,11 @@ class Localizer:
         )
 
     def _belief(self, poses: FloatArray, normalised: FloatArray, when: str) -> dict[str, Any]:
-        """What these particles say, in full only when it is to be stated; the record's fields by name."""
+        """What these particles say, in full only when it is to be reported; the record's fields by name."""
         p = self.parameters
         if p.estimate != when:
             return {"estimate": estimate.weighted_mean(poses, normalised), "converged": False}
-        belief, hypotheses = estimate.stated(
+        belief, hypotheses = estimate.report(
             poses, normalised, mean_of=p.estimate_mean, covariance_of=p.estimate_covariance, most=p.hypotheses
         )
         converged = estimate.has_converged(poses, belief)

@@ -43,15 +43,15 @@ class FilterParameters:
         choices=("before", "after"),
     )
     estimate_mean: str = parameter(
-        "set", "the pose stated is the mean of the whole set, or of its heaviest cluster", choices=("set", "heaviest")
+        "set", "the pose reported is the mean of the whole set, or of its heaviest cluster", choices=("set", "heaviest")
     )
     estimate_covariance: str = parameter(
         "set",
-        "the covariance stated is that of the whole set, or of its heaviest cluster",
+        "the covariance reported is that of the whole set, or of its heaviest cluster",
         choices=("set", "heaviest"),
     )
     hypotheses: int = parameter(
-        4, "clusters of particles stated at every update, the heaviest first; 0: none", low=0, high=100
+        4, "clusters of particles reported at every update, the heaviest first; 0: none", low=0, high=100
     )
     degenerate: str = parameter(
         "carry",

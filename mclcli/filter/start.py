@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from mclcli.sensors.observation import Observation
     from mclcli.world.occupancy import OccupancyGrid
 
-STATED_SPREAD = np.diag(np.square([0.1, 0.1, np.radians(5.0)]))
+GIVEN_SPREAD = np.diag(np.square([0.1, 0.1, np.radians(5.0)]))
 _JOINED_WITHIN_NS = 1_000_000_000
 
 
@@ -129,32 +129,32 @@ class WhenTold:
 
 @final
 class AlongPoses:
-    """Around the pose that a topic or file states for that time; the run starts at the first stated pose."""
+    """Around the pose that a topic or file gives for that time; the run starts at the first given pose."""
 
-    def __init__(self, stated: Sequence[StampedPose]) -> None:
-        self._stated = sorted(stated, key=lambda pose: pose.stamp_ns)
-        self._stamps = [pose.stamp_ns for pose in self._stated]
+    def __init__(self, poses: Sequence[StampedPose]) -> None:
+        self._poses = sorted(poses, key=lambda pose: pose.stamp_ns)
+        self._stamps = [pose.stamp_ns for pose in self._poses]
 
     def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Patience:
-        """Poses (n, 3) around the last stated pose carried on to the stamp; too early before the first one."""
+        """Poses (n, 3) around the last given pose carried on to the stamp; too early before the first one."""
         after = bisect_right(self._stamps, opening.stamp_ns)
         if after == 0:
             return Patience.SKIP
-        stamp_ns, path, last = opening.stamp_ns, opening.path, self._stated[after - 1]
-        if after < len(self._stated) and self._stamps[after] - last.stamp_ns <= _JOINED_WITHIN_NS:
+        stamp_ns, path, last = opening.stamp_ns, opening.path, self._poses[after - 1]
+        if after < len(self._poses) and self._stamps[after] - last.stamp_ns <= _JOINED_WITHIN_NS:
             fraction = (stamp_ns - last.stamp_ns) / (self._stamps[after] - last.stamp_ns)
-            pose = se2.interpolate(last.pose, self._stated[after].pose, fraction)
+            pose = se2.interpolate(last.pose, self._poses[after].pose, fraction)
             return particles.gaussian(pose, spread_of(last), n, rng)
         return particles.gaussian(carried(last, stamp_ns, path), spread_of(last), n, rng)
 
 
-def spread_of(stated: StampedPose) -> FloatArray:
-    """Covariance (3, 3) of a stated pose: its own, or 0.1 m and 5° where it has none that could be used."""
-    return STATED_SPREAD if stated.covariance is None else stated.covariance
+def spread_of(given: StampedPose) -> FloatArray:
+    """Covariance (3, 3) of a given pose: its own, or 0.1 m and 5° where it has none that could be used."""
+    return GIVEN_SPREAD if given.covariance is None else given.covariance
 
 
-def carried(stated: StampedPose, stamp_ns: int, path: OdometryPath) -> FloatArray:
-    """A stated pose (3,) moved on to a stamp, by odometry where it reaches back so far."""
-    if not path.covers(stated.stamp_ns) or not path.covers(stamp_ns):
-        return stated.pose
-    return se2.compose(stated.pose, se2.between(path.at(stated.stamp_ns), path.at(stamp_ns)))
+def carried(given: StampedPose, stamp_ns: int, path: OdometryPath) -> FloatArray:
+    """A given pose (3,) moved on to a stamp, by odometry where it reaches back so far."""
+    if not path.covers(given.stamp_ns) or not path.covers(stamp_ns):
+        return given.pose
+    return se2.compose(given.pose, se2.between(path.at(given.stamp_ns), path.at(stamp_ns)))

@@ -24,7 +24,7 @@ _SAME_NS = 1_000_000
 class Trajectory:
     """``stamps_ns`` (N,) int64, strictly increasing; ``poses`` (N, 3) float64, x, y [m], yaw [rad].
 
-    ``covariances`` (N, 3, 3) of (x, y, yaw) in the frame of the poses, or None where nobody stated any. ``updated``
+    ``covariances`` (N, 3, 3) of (x, y, yaw) in the frame of the poses, or None where there are none. ``updated``
     (N,) tells measured poses from those carried on by odometry; None: all were measured.
     """
 

@@ -12,7 +12,7 @@ import math
 import numba as nb
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels._lanes import SIDE, add_blocks
+from mclcli.kernels._vectors import SIDE, add_blocks
 
 _FURTHER = 6.0  # tempered nats by which blocks are followed beyond what is sought
 _LOOK = 8  # beams between two looks at whether any pose of a block can still count
@@ -55,7 +55,7 @@ def _cost_block(cells, starts, at, stride, stop, sums):  # type: ignore[no-untyp
 
 @nb.njit(**OPTIONS)
 def _affordable(perfect, step, value):  # type: ignore[no-untyped-def]
-    """The highest cost whose bound is not below ``value``, as ``Costs.within``."""
+    """The highest cost whose bound is not below ``value``, as ``CostTables.within``."""
     return math.floor(min(max((perfect - value) / step, -1.0), 65535.0))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from mclcli.kernels import OPTIONS
 from mclcli.kernels.raycast import _first_on_map
 
-_BEYOND = 1 / 256  # how far beyond an open square to look; stated in world/raycast.py
+_BEYOND = 1 / 256  # how far beyond an open square to look; see world/raycast.py
 _FLAT = nb.types.Array(nb.uint8, 1, "C", readonly=True)
 _ROWS = nb.types.Array(nb.float64, 2, "C", readonly=True)
 _LANES = 128  # rays that walk in step; what is known of them stays in the first-level cache

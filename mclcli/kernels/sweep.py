@@ -13,7 +13,7 @@ from __future__ import annotations
 import numba as nb
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels._lanes import LANES, add_rows
+from mclcli.kernels._vectors import LANES, add_rows
 
 _LOOK = 8  # beams between two looks at whether any node of a row can still count
 _SIDE = 4  # rows, columns and angles of fine nodes in a coarse one

@@ -62,9 +62,9 @@ MOTIONS: dict[Word, Word] = {
 
 
 def _of(parameters: type[ParameterSet], name: str) -> Any:  # noqa: ANN401 - as dataclasses.field
-    """The same parameter again: its default and description are stated once, beside the model."""
-    stated = parameters.__dataclass_fields__[name]
-    return dataclasses.field(default=stated.default, metadata=stated.metadata)
+    """The same parameter again: its default and description are written once, beside the model."""
+    own = parameters.__dataclass_fields__[name]
+    return dataclasses.field(default=own.default, metadata=own.metadata)
 
 
 @final

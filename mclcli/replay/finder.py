@@ -58,7 +58,7 @@ class Limits:
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Finder:
+class GlobalSearch:
     """A map made ready and how readings are used; ``alpha`` is a temperature, or ``auto``."""
 
     scene: Scene
@@ -132,13 +132,13 @@ def _joined(scans: Sequence[Observation], now: FloatArray, selection: BeamSelect
     """Beams of scans as of one, seen from where the base is now."""
     parts = []
     for scan in scans:
-        assert isinstance(scan.reading, LaserScan)  # noqa: S101 - see Finder.view
+        assert isinstance(scan.reading, LaserScan)  # noqa: S101 - see GlobalSearch.view
         chosen = beams.select(scan.reading, scan.base_from_sensor, selection)
         parts.append((chosen, se2.between(now, scan.odom_from_base)))
     return window.join(parts)
 
 
-def make_finder(
+def make_global_search(
     grid: OccupancyGrid,
     model: LikelihoodField,
     settings: Settings,
@@ -147,7 +147,7 @@ def make_finder(
     limits: Limits | None = None,
     landmarks: Landmarks | None = None,
     alpha: float | str = temperature.AUTO,
-) -> Finder:
+) -> GlobalSearch:
     """Make a map ready for searches: ``model`` is its likelihood field."""
     limits = limits or Limits()
     model = scene.for_search(model)
@@ -161,7 +161,7 @@ def make_finder(
         scene.count_known(grid, model),
         limits.about,
     )
-    return Finder(ready, settings, landmarks, alpha)
+    return GlobalSearch(ready, settings, landmarks, alpha)
 
 
 def _censored(settings: Settings) -> BeamParameters:
@@ -179,7 +179,7 @@ class FoundOnMap:
     Each place gets particles by its share; what is left to chance is spread over the map.
     """
 
-    finder: Finder
+    search: GlobalSearch
     grid: OccupancyGrid
 
     def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Patience:
@@ -189,7 +189,7 @@ class FoundOnMap:
         last = opening.complete or scans.size >= _PATIENCE
         if not last and len(odometry) > 1 and scans.size == window.spread(odometry[:-1], _PATIENCE).size:
             return Patience.HOLD  # it has seen nothing new
-        location = self.finder.find(opening.observations, _MODES)
+        location = self.search.find(opening.observations, _MODES)
         if not last and (location is None or location.modes[0].share < _SURE):
             return Patience.HOLD
         first_from_last = se2.between(odometry[-1], odometry[0])
@@ -201,12 +201,12 @@ class FoundOnMap:
 class FoundAgain:
     """Proposal for a lost robot: where the readings of the update are found on the map."""
 
-    finder: Finder
+    search: GlobalSearch
     grid: OccupancyGrid
 
     def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:
         """Poses (n, 3) at the update's stamp."""
-        location = self.finder.find(situation.observations, _MODES) if situation.observations else None
+        location = self.search.find(situation.observations, _MODES) if situation.observations else None
         return _drawn(location, self.grid, n, rng, np.zeros(3))
 
 

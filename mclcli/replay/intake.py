@@ -124,7 +124,7 @@ class ReplayTally:
 
 
 class Item(NamedTuple):
-    """Something that waited for odometry to pass it: a reading, or a pose that an operator stated."""
+    """Something that waited for odometry to pass it: a reading, or an operator's pose."""
 
     stamp_ns: int
     rank: int
@@ -280,7 +280,7 @@ class Intake:
 
     def _push(self, topic: str, record: Reading | StampedPose) -> None:
         self._arrivals += 1
-        rank = self._ranks.get(topic, -1)  # a stated pose comes before readings of its stamp
+        rank = self._ranks.get(topic, -1)  # an operator's pose comes before readings of its stamp
         until_ns = record.stamp_ns if isinstance(record, StampedPose) else self._setup.until_ns(record)
         heapq.heappush(self._waiting, Item(record.stamp_ns, rank, self._arrivals, topic, record, until_ns))
 
@@ -305,7 +305,7 @@ class Intake:
         record = item.record
         if isinstance(record, StampedPose):
             own = {self._setup.odom_frame, self._setup.base_frame}
-            return f"stated in frame '{record.frame_id}', not in the map's" if record.frame_id in own else ""
+            return f"given in frame '{record.frame_id}', not in the map's" if record.frame_id in own else ""
         if self._first_odometry_ns is None or item.stamp_ns < self._first_odometry_ns:
             return "before the odometry's start"
         too_late = item.rank == 0 and item.stamp_ns <= self._used_until_ns

@@ -86,7 +86,7 @@ class _Run:
         self._belief: _Belief | None = None
 
     def take(self, usable: Observation | StampedPose) -> Iterator[TrackPoint]:
-        """Use one reading, or a pose that somebody stated: the next trigger begins anew around it."""
+        """Use one reading, or a pose that somebody gave: the next trigger begins anew around it."""
         if self._intake.segment != self._segment:
             yield from self.close()
             self._segment, self._told = self._intake.segment, None
@@ -127,7 +127,7 @@ class _Run:
             return
         held, self._held = self._held, []
         if poses is Patience.SKIP:
-            self._tally.skipped[first.topic, "before the first stated pose"] += 1
+            self._tally.skipped[first.topic, "before the first pose given"] += 1
             for observation in held[1:]:
                 yield from self._begin(observation)
             return
@@ -136,7 +136,7 @@ class _Run:
             yield from self._process(observation)
 
     def _place(self, opening: Opening) -> FloatArray | Patience:
-        """First particles: around what an operator stated last, else where the start says."""
+        """First particles: around the operator's last pose, else where the start says."""
         localizer = self._setup.localizer
         n, draws = localizer.size.max_particles, rng.stream(localizer.seed, rng.Purpose.INITIALISE, self._next_step)
         if self._told is None:

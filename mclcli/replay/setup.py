@@ -40,7 +40,7 @@ _UPDATES_OF_A_STREAM = 1500  # nobody knows how long a stream will be
 
 
 def prepare(
-    found: LogSurvey,
+    survey: LogSurvey,
     roles: Roles,
     *,
     grid: OccupancyGrid | None = None,
@@ -104,7 +104,7 @@ def prepare(
     """
     settings = settings or profiles.build({})
     scored = (*(roles.scan[:1] if grid else ()), *(roles.vision if landmarks else ()))
-    job_size = settings.kld.max_particles * _readings(found, scored, settings)
+    job_size = settings.kld.max_particles * _readings(survey, scored, settings)
     instruments = {
         **_lidars(roles, grid, settings, temperature or {}, make_field, job_size, threads),
         **_cameras(roles, landmarks, settings, temperature or {}, job_size),
@@ -112,9 +112,9 @@ def prepare(
     if not roles.odometry:
         raise InputError("the log has no odometry: no nav_msgs/Odometry topic, and no moving transform above the base")
     if not instruments:
-        raise InputError(_nothing_to_score(found, roles, grid, landmarks))
+        raise InputError(_nothing_to_score(survey, roles, grid, landmarks))
     for topic in instruments:
-        _check_mount(found, roles, topic, mounts or {})
+        _check_mount(survey, roles, topic, mounts or {})
     return Setup(
         localizer=Localizer(motion.build(settings.motion), settings.filter, seed, settings.kld, settings.recovery),
         instruments=instruments,
@@ -122,10 +122,10 @@ def prepare(
         odometry=roles.odometry,
         odom_frame=roles.odom_frame,
         base_frame=roles.base_frame,
-        frames=found.frames,
+        frames=survey.frames,
         mounts=mounts or {},
         window_ns=window_ns,
-        transform_topics=_transform_topics(found, roles, list(instruments)),
+        transform_topics=_transform_topics(survey, roles, list(instruments)),
         follow=follow,
         scan_offset_ns=scan_offset_ns,
         deskew=deskew,
@@ -166,14 +166,14 @@ def _require_obstacles(grid: OccupancyGrid) -> None:
         raise InputError("map: no cell is occupied, so no pose fits a scan better than another; check its thresholds")
 
 
-def _readings(found: LogSurvey, topics: Sequence[str], settings: Settings) -> int:
+def _readings(survey: LogSurvey, topics: Sequence[str], settings: Settings) -> int:
     """About how many beams and bearings each particle will be scored by: those of the first message, every time."""
     total = 0
     for topic in topics:
-        sample, messages = found.topics[topic].sample, found.topics[topic].count
+        sample, messages = survey.topics[topic].sample, survey.topics[topic].count
         each = (settings.beams.max_beams or sample.ranges.size) if isinstance(sample, LaserScan) else 0
         each += len(sample.ids) if isinstance(sample, LandmarkSightings | PixelSightings) else 0
-        total += each * (messages if found.complete else _UPDATES_OF_A_STREAM)
+        total += each * (messages if survey.complete else _UPDATES_OF_A_STREAM)
     return total
 
 
@@ -222,35 +222,35 @@ def alpha_of(temperature: Mapping[str, Temperature], sensor: str, default: Tempe
     return next((temperature[name] for name in names if name in temperature), default)
 
 
-def _transform_topics(found: LogSurvey, roles: Roles, topics: list[str]) -> tuple[str, ...]:
+def _transform_topics(survey: LogSurvey, roles: Roles, topics: list[str]) -> tuple[str, ...]:
     """Topics of transforms, if odometry or a sensor's mount can only be known from moving ones."""
-    samples = [found.topics[topic].sample for topic in topics]
+    samples = [survey.topics[topic].sample for topic in topics]
     frames = [
         sample.frame_id for sample in samples if isinstance(sample, LaserScan | LandmarkSightings | PixelSightings)
     ]
-    moving = any(found.frames.moves_between(roles.base_frame, frame) for frame in frames)
-    return found.transform_topics if moving or roles.odometry == "tf" else ()
+    moving = any(survey.frames.moves_between(roles.base_frame, frame) for frame in frames)
+    return survey.transform_topics if moving or roles.odometry == "tf" else ()
 
 
 def _numbered(role: str, count: int) -> list[str]:
     return [role] if count == 1 else [f"{role}_{i + 1}" for i in range(count)]
 
 
-def _nothing_to_score(found: LogSurvey, roles: Roles, grid: OccupancyGrid | None, landmarks: Landmarks | None) -> str:
+def _nothing_to_score(survey: LogSurvey, roles: Roles, grid: OccupancyGrid | None, landmarks: Landmarks | None) -> str:
     if roles.scan and grid is None:
         return "no map: the log has no nav_msgs/OccupancyGrid; name one with --map"
     if roles.vision and landmarks is None:
         return f"landmarks are seen on {', '.join(roles.vision)}, but nothing says where they stand; give --landmarks"
-    types = sorted({topic.channel.type for topic in found.topics.values()})
+    types = sorted({topic.channel.type for topic in survey.topics.values()})
     return f"the log has no laser scan that can be used; it holds {', '.join(types) or 'no message at all'}"
 
 
-def _check_mount(found: LogSurvey, roles: Roles, topic: str, mounts: Mounts) -> None:
-    sample = found.topics[topic].sample
+def _check_mount(survey: LogSurvey, roles: Roles, topic: str, mounts: Mounts) -> None:
+    sample = survey.topics[topic].sample
     if not isinstance(sample, LaserScan | LandmarkSightings | PixelSightings):
         return
-    frame, frames = sample.frame_id, found.frames.frames
-    known = frame == roles.base_frame or found.frames.connected(roles.base_frame, frame)
+    frame, frames = sample.frame_id, survey.frames.frames
+    known = frame == roles.base_frame or survey.frames.connected(roles.base_frame, frame)
     if frame in mounts or "" in mounts or known:
         return
     raise InputError(

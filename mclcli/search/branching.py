@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.native import backend
-from mclcli.search import costs
+from mclcli.search import cost_tables
 from mclcli.world.pyramid import FINE
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray, IntArray
-    from mclcli.search.costs import Costs, Nodes
+    from mclcli.search.cost_tables import CostTables, Nodes
     from mclcli.search.lattice import Lattice
     from mclcli.world.distance_field import DistanceField
     from mclcli.world.pyramid import Pyramid
@@ -80,7 +80,7 @@ class Search:
     lattice: Lattice
     log_p: FloatArray
     sightings: Sightings
-    costs: Costs
+    costs: CostTables
 
     def maximum(self) -> tuple[float, int]:
         """The greatest value of a leaf and its key; (−inf, −1) if no cell is allowed. Of equals the least key."""
@@ -151,4 +151,4 @@ def prepare(
     sightings: Sightings = NO_SIGHTINGS,
 ) -> Search:
     """Make a search ready: what every beam costs everywhere."""
-    return Search(field, pyramid, lattice, log_p, sightings, costs.lay_out(field, pyramid, lattice, log_p))
+    return Search(field, pyramid, lattice, log_p, sightings, cost_tables.lay_out(field, pyramid, lattice, log_p))

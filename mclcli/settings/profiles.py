@@ -68,7 +68,7 @@ class Settings:
         groups = [getattr(self, name) for name in active_groups(self.model)]
         return {field.name: getattr(group, field.name) for group in groups for field in fields(group)}
 
-    def stated(self) -> dict[str, Value]:
+    def as_file(self) -> dict[str, Value]:
         """Profile, model and every value: all that it takes to make the same settings from a file."""
         return {"profile": self.profile, "model": self.model, **self.values()}
 

@@ -85,7 +85,7 @@ def test_olin_scans_lie_on_the_map(olin: tuple[Table, Table]) -> None:
     fits = []
     for text, *pose in zip(steps.texts("stamp"), steps["x"], steps["y"], steps["yaw"], strict=True):
         scan = scans[int(text.replace(".", ""))]
-        mount = recording.found.frames.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
+        mount = recording.survey.frames.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
         assert mount is not None
         valid = np.isfinite(scan.ranges) & (scan.ranges > scan.range_min) & (scan.ranges < scan.range_max)
         angles = (scan.angle_min + scan.angle_increment * np.arange(scan.ranges.size))[valid]

@@ -88,8 +88,8 @@ def _bag(size: int, folder: Path) -> Path:
     import bz2
 
     packed = bz2.compress(bytes(size))
-    stated = struct.pack("<I", size)
-    chunk = r.bag_record(packed, op=b"\5", compression=b"bz2", size=stated)
+    declared = struct.pack("<I", size)
+    chunk = r.bag_record(packed, op=b"\5", compression=b"bz2", size=declared)
     return _file(folder / "x.bag", r.bag(r.bag_drive(), chunk))
 
 

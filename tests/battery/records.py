@@ -18,7 +18,7 @@ def text(value: bytes | str) -> bytes:
 
 
 def record(kind: int, body: bytes, length: int | None = None) -> bytes:
-    """One MCAP record, of a stated length that may be a lie."""
+    """One MCAP record, of a declared length that may be a lie."""
     return struct.pack("<BQ", kind, len(body) if length is None else length) + body
 
 
@@ -71,7 +71,7 @@ def fields(**values: bytes) -> bytes:
 
 
 def bag_record(data: bytes, length: int | None = None, **values: bytes) -> bytes:
-    """One record of a ROS 1 bag, of a stated length that may be a lie."""
+    """One record of a ROS 1 bag, of a declared length that may be a lie."""
     return fields(**values) + struct.pack("<I", len(data) if length is None else length) + data
 
 

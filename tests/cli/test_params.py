@@ -47,7 +47,7 @@ def metadata(trace: bytes) -> dict[str, object]:
 def test_params_lists_every_parameter_with_its_default() -> None:
     result = mcl("params")
     assert (result.code, result.err) == (0, "")
-    assert YAML(typ="safe", pure=True).load(result.out) == profiles.build({}).stated()
+    assert YAML(typ="safe", pure=True).load(result.out) == profiles.build({}).as_file()
     assert all(" # " in line for line in result.out.decode().splitlines())
 
 

@@ -89,12 +89,12 @@ def test_init_by_a_topic_uses_its_covariance(office_messages: list[Message], run
     sure = NO_COVARIANCE.copy()
     sure[[0, 7, 35]] = 1e-12
     at = header("map", 1_715_697_000, 0)
-    stated = made(
+    operator = made(
         "/here",
         "geometry_msgs/msg/PoseWithCovarianceStamped",
         {"header": at, "pose": {"pose": pose(-7.41, 1.66, -1.45), "covariance": sure}},
     )
-    log = write_mcap(tmp_path / "log.mcap", [stated, *office_messages])
+    log = write_mcap(tmp_path / "log.mcap", [operator, *office_messages])
     row = run_short("--particles", 10, log=log, init="/here").table.rows[0]
     # the robot stands at first, so that nothing spreads the particles before the first scan
     assert [float(text) for text in row[1:4]] == pytest.approx([-7.41, 1.66, -1.45], abs=1e-4)

@@ -12,7 +12,7 @@ from PIL import Image
 
 from mclcli.io.recording.recorded_poses import read_trajectory
 from tests.cli.support import OFFICE, SAMPLES, START_NS, mcl, single_error, write_mcap
-from tests.io.test_stated import pose_message, tf_message
+from tests.io.test_recorded_poses import pose_message, tf_message
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -101,10 +101,10 @@ def test_the_heaviest_clusters_are_the_hypotheses() -> None:
     centres = np.repeat([[0.25, 0.25, 0.1], [5.25, 0.25, 0.1], [0.25, 7.25, -3.1]], [100, 30, 60], axis=0)
     poses = np.vstack([near, near[:30], near[:60]]) + centres
     weights = np.concatenate([np.full(100, 0.002), np.full(30, 0.01), np.full(60, 0.5 / 60)])
-    found = estimate.stated(poses, weights / weights.sum(), most=2)[1]()
+    found = estimate.report(poses, weights / weights.sum(), most=2)[1]()
     assert [h.weight for h in found] == pytest.approx([0.5, 0.3], abs=1e-9)
     np.testing.assert_allclose([h.estimate.pose for h in found], [[0.25, 7.25, -3.1], [5.25, 0.25, 0.1]], atol=0.01)
-    assert estimate.stated(poses, weights / weights.sum())[1]() == ()
+    assert estimate.report(poses, weights / weights.sum())[1]() == ()
 
 
 def test_clusters_are_found_once_and_only_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -116,7 +116,7 @@ def test_clusters_are_found_once_and_only_when_asked_for(monkeypatch: pytest.Mon
         return find(poses, weights)
 
     monkeypatch.setattr(clusters, "find", counting)
-    _, hypotheses = estimate.stated(np.zeros((9, 3)), np.full(9, 1.0 / 9.0), most=2)
+    _, hypotheses = estimate.report(np.zeros((9, 3)), np.full(9, 1.0 / 9.0), most=2)
     assert not calls
     assert hypotheses() is hypotheses()
     assert calls == [9]
@@ -127,7 +127,7 @@ def test_of_a_large_set_hypotheses_are_those_of_an_even_choice() -> None:
     poses = np.vstack([rng.normal(0.25, 0.01, (30_000, 3)), rng.normal(9.25, 0.01, (10_000, 3))])
     poses[:, 2] = 0.1
     weights = np.concatenate([np.full(30_000, 0.4 / 30_000), np.full(10_000, 0.6 / 10_000)])
-    first, second = estimate.stated(poses, weights, most=5)[1]()
+    first, second = estimate.report(poses, weights, most=5)[1]()
     assert (first.weight, second.weight) == pytest.approx((0.6, 0.4), abs=1e-3)
     np.testing.assert_allclose(first.estimate.pose, [9.25, 9.25, 0.1], atol=1e-3)
 

@@ -89,14 +89,14 @@ def two_heaps() -> FloatArray:
 
 @pytest.mark.parametrize("estimate", ["before", "after"])
 def test_whose_mean_and_whose_covariance(estimate: str) -> None:
-    def stated(mean: str, covariance: str) -> tuple[float, float]:
+    def reported(mean: str, covariance: str) -> tuple[float, float]:
         options = {"estimate_mean": mean, "estimate_covariance": covariance, "estimate": estimate}
         belief = steps([STILL], two_heaps(), KldParameters(100, 100), resample_ess=1.0, **options)[0].estimate
         return float(belief.pose[1]), math.sqrt(belief.covariance[1, 1])
 
-    assert stated("set", "set") == pytest.approx((3.6, math.sqrt(0.24) * 9), abs=0.05)
-    assert stated("heaviest", "set") == pytest.approx((0.0, math.sqrt(0.24) * 9), abs=0.05)
-    assert stated("heaviest", "heaviest") == pytest.approx((0.0, 0.02), abs=0.01)
+    assert reported("set", "set") == pytest.approx((3.6, math.sqrt(0.24) * 9), abs=0.05)
+    assert reported("heaviest", "set") == pytest.approx((0.0, math.sqrt(0.24) * 9), abs=0.05)
+    assert reported("heaviest", "heaviest") == pytest.approx((0.0, 0.02), abs=0.01)
 
 
 @pytest.mark.parametrize(("choice", "expected"), [("carry", [0.75, 0.25]), ("uniform", [0.5, 0.5])])

@@ -11,7 +11,7 @@ import pytest
 from mclcli.errors import InputError
 from mclcli.filter import lattice, particles
 from mclcli.filter.start import (
-    STATED_SPREAD,
+    GIVEN_SPREAD,
     AlongPoses,
     Anywhere,
     AroundPose,
@@ -92,7 +92,7 @@ def test_a_robot_that_waits_to_be_told_starts_nowhere() -> None:
     assert WhenTold().place(Opening(0, EMPTY), 3, generator()) is Patience.SKIP
 
 
-def stated(seconds: float, *pose: float, covariance: FloatArray | None = None) -> StampedPose:
+def given(seconds: float, *pose: float, covariance: FloatArray | None = None) -> StampedPose:
     return StampedPose(int(seconds * SECOND), "map", np.array(pose), covariance)
 
 
@@ -100,13 +100,13 @@ EXACTLY = np.zeros((3, 3))
 
 
 def test_before_the_first_stated_pose_there_is_no_start() -> None:
-    start = AlongPoses([stated(5, 1, 2, 3)])
+    start = AlongPoses([given(5, 1, 2, 3)])
     assert start.place(Opening(5 * SECOND - 1, EMPTY), 3, generator()) is Patience.SKIP
     assert isinstance(start.place(Opening(5 * SECOND, EMPTY), 3, generator()), np.ndarray)
 
 
 def test_between_two_close_stated_poses_the_start_is_interpolated() -> None:
-    start = AlongPoses([stated(1.5, 2, 0, 0.2), stated(1, 1, 0, 0, covariance=EXACTLY)])
+    start = AlongPoses([given(1.5, 2, 0, 0.2), given(1, 1, 0, 0, covariance=EXACTLY)])
     cloud = start.place(Opening(int(1.25 * SECOND), EMPTY), 2, generator())
     assert isinstance(cloud, np.ndarray)
     np.testing.assert_allclose(cloud[0], se2.interpolate([1, 0, 0], [2, 0, 0.2], 0.5), atol=1e-12)
@@ -116,16 +116,16 @@ def test_a_lone_stated_pose_is_carried_on_by_odometry() -> None:
     path = OdometryPath()
     path.append(0, np.array([10.0, 0.0, 0.0]))
     path.append(4 * SECOND, np.array([14.0, 0.0, 0.0]))
-    start = AlongPoses([stated(1, 5, 5, math.pi / 2, covariance=EXACTLY)])
+    start = AlongPoses([given(1, 5, 5, math.pi / 2, covariance=EXACTLY)])
     cloud = start.place(Opening(3 * SECOND, path), 2, generator())
     assert isinstance(cloud, np.ndarray)
     np.testing.assert_allclose(cloud[0], [5.0, 7.0, math.pi / 2], atol=1e-12)
 
 
 def test_a_stated_pose_without_covariance_is_taken_as_good() -> None:
-    cloud = AlongPoses([stated(0, 0, 0, 0)]).place(Opening(0, EMPTY), 5000, generator())
+    cloud = AlongPoses([given(0, 0, 0, 0)]).place(Opening(0, EMPTY), 5000, generator())
     assert isinstance(cloud, np.ndarray)
-    np.testing.assert_allclose(np.cov(cloud.T), STATED_SPREAD, atol=0.001)
+    np.testing.assert_allclose(np.cov(cloud.T), GIVEN_SPREAD, atol=0.001)
 
 
 def test_a_lattice_lies_on_free_cells_at_multiples_of_its_step() -> None:

@@ -43,9 +43,9 @@ def test_nav2s_own_field_is_the_recorded_one_and_never_below_the_truth(note: Not
     np.testing.assert_array_equal(np.float32(own[at]), np.float32(cells[f"nav2_max_dist_{max_dist}"]))
     note("nav2_fields.npz", "nav2's distances, rebuilt [m]", 0.0, len(at[0]))
     exact = distance_field.compute(grid_of(name), "exact", float(max_dist)).metres()
-    stated = read(FILE)["fields"][name]["statistics"][f"{max_dist}.0"]
-    assert int((np.abs(own - exact) > 1e-6).sum()) == stated["n_cells_nav2_differs_from_min_edt_maxdist"]
-    assert float((own - exact).max()) == pytest.approx(stated["max_excess_m"], abs=1e-6)
+    theirs = read(FILE)["fields"][name]["statistics"][f"{max_dist}.0"]
+    assert int((np.abs(own - exact) > 1e-6).sum()) == theirs["n_cells_nav2_differs_from_min_edt_maxdist"]
+    assert float((own - exact).max()) == pytest.approx(theirs["max_excess_m"], abs=1e-6)
     assert float((own - exact).min()) > -1e-6
 
 

@@ -93,8 +93,8 @@ ODOMETRY = {
 
 
 def edge(**changes: Any) -> dict[str, Any]:
-    stated = pose(3.0, 4.0, 1.0, norm=changes.get("norm", 1.0))
-    placed = {"translation": stated["position"], "rotation": stated["orientation"]}
+    own = pose(3.0, 4.0, 1.0, norm=changes.get("norm", 1.0))
+    placed = {"translation": own["position"], "rotation": own["orientation"]}
     return {"header": changes.get("header", header("/odom")), "child_frame_id": "base", "transform": placed}
 
 

@@ -22,12 +22,12 @@ SAMPLES: dict[str, object] = {
 
 def log_of(*topics: tuple[str, str], moving: tuple[tuple[str, str], ...] = ()) -> LogSurvey:
     """Survey with these topics and these moving transforms, parent and child."""
-    found = LogSurvey()
+    survey = LogSurvey()
     for name, kind in topics:
-        found.topics[name] = TopicSurvey(Channel(name, kind, "cdr"), count=1, sample=SAMPLES.get(kind))
+        survey.topics[name] = TopicSurvey(Channel(name, kind, "cdr"), count=1, sample=SAMPLES.get(kind))
     for parent, child in moving:
         for stamp in (0, 1):
             matrix = np.eye(4)
             matrix[0, 3] = stamp
-            found.frames.add(transform(stamp, parent, child, matrix))
-    return found
+            survey.frames.add(transform(stamp, parent, child, matrix))
+    return survey

@@ -42,12 +42,12 @@ def recording() -> Recording:
 
 
 def test_a_file_is_looked_through_whole(recording: Recording) -> None:
-    found = recording.found
-    assert found.complete
-    assert found.topics["/scan"].count == 950
-    assert isinstance(found.topics["/scan"].sample, LaserScan)
-    assert found.topics["/scan"].rate == pytest.approx(8.0, abs=0.01)
-    assert set(found.statics) == {"base_link", "laser", "camera_link"}
+    survey = recording.survey
+    assert survey.complete
+    assert survey.topics["/scan"].count == 950
+    assert isinstance(survey.topics["/scan"].sample, LaserScan)
+    assert survey.topics["/scan"].rate == pytest.approx(8.0, abs=0.01)
+    assert set(survey.statics) == {"base_link", "laser", "camera_link"}
     assert recording.first_ns == START_NS
     assert not recording.tally.lossy
 
@@ -78,8 +78,8 @@ def test_records_and_raw_messages_of_a_topic(recording: Recording) -> None:
 
 def test_a_pipe_is_looked_into_and_still_yields_everything(recording: Recording) -> None:
     stream = piped(OFFICE.read_bytes())
-    assert not stream.found.complete
-    seconds = (stream.found.span_ns or (0, 0))[1] - START_NS
+    assert not stream.survey.complete
+    seconds = (stream.survey.span_ns or (0, 0))[1] - START_NS
     assert 10e9 < seconds < 11e9
     assert stream.roles().scan == ("/scan",)
     assert len(stream.records("/initialpose")) == 1
@@ -90,9 +90,9 @@ def test_a_pipe_is_looked_into_and_still_yields_everything(recording: Recording)
 
 def test_the_whole_of_a_pipe_where_that_is_asked_for(recording: Recording) -> None:
     stream = piped(OFFICE.read_bytes(), whole=True)
-    assert stream.found.complete
-    assert {name: topic.count for name, topic in stream.found.topics.items()} == {
-        name: topic.count for name, topic in recording.found.topics.items()
+    assert stream.survey.complete
+    assert {name: topic.count for name, topic in stream.survey.topics.items()} == {
+        name: topic.count for name, topic in recording.survey.topics.items()
     }
 
 
@@ -110,6 +110,6 @@ def test_damage_is_told_once_and_strict_refuses_it(tmp_path: Path, caplog: pytes
 
 def test_an_empty_log_and_a_missing_one(tmp_path: Path) -> None:
     empty = open_recording(write_mcap(tmp_path / "empty.mcap", []))
-    assert (empty.first_ns, empty.found.span_ns, empty.roles().scan) == (0, None, ())
+    assert (empty.first_ns, empty.survey.span_ns, empty.roles().scan) == (0, None, ())
     with pytest.raises(UsageError, match="no such file"):
         open_recording(tmp_path / "none.mcap")

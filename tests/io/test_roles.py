@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.recording.roles import Roles, Wishes, assign
+from mclcli.io.recording.roles import RequestedRoles, Roles, assign
 from mclcli.io.recording.survey import LogSurvey
 from tests.io.surveys import LASER, MARKERS, ODOM, log_of
 
@@ -58,7 +58,7 @@ def test_the_highest_moving_frame_below_the_map_serves_where_none_is_called_odom
 def test_the_maps_frame_may_have_another_name() -> None:
     log = log_of(("/scan", LASER), moving=(("hall", "wheels"), ("wheels", "base_link")))
     assert assign(log).odom_frame == "hall"
-    assert assign(log, Wishes(map_frame="hall")).odom_frame == "wheels"
+    assert assign(log, RequestedRoles(map_frame="hall")).odom_frame == "wheels"
 
 
 def test_a_recorded_map_to_base_is_no_odometry() -> None:
@@ -69,25 +69,25 @@ def test_wishes_overrule() -> None:
     found = log_of(
         ("/scan", LASER), ("/scan_2", LASER), ("/odom", ODOM), ("/gt", ODOM), moving=(("odom", "base_link"),)
     )
-    roles = assign(found, Wishes(scan=("/scan_2", "/scan"), odometry="/gt", base_frame="base_link"))
+    roles = assign(found, RequestedRoles(scan=("/scan_2", "/scan"), odometry="/gt", base_frame="base_link"))
     assert (roles.scan, roles.odometry, roles.base_frame) == (("/scan_2", "/scan"), "/gt", "base_link")
-    assert assign(found, Wishes(odometry="tf", base_frame="base_link")).odom_frame == "odom"
+    assert assign(found, RequestedRoles(odometry="tf", base_frame="base_link")).odom_frame == "odom"
 
 
 @pytest.mark.parametrize(
-    ("wishes", "said"),
+    ("requested", "said"),
     [
-        (Wishes(scan=("/scna",)), "did you mean '/scan'"),
-        (Wishes(scan=("/scna",)), "no topic '/scna' in the log"),
-        (Wishes(odometry="/qqqqqqq"), "no topic '/qqqqqqq' in the log; it has"),
-        (Wishes(odometry="/scan"), "not of type nav_msgs/msg/Odometry"),
-        (Wishes(vision=("/image",)), "mcl cannot use messages of type sensor_msgs/msg/Image"),
+        (RequestedRoles(scan=("/scna",)), "did you mean '/scan'"),
+        (RequestedRoles(scan=("/scna",)), "no topic '/scna' in the log"),
+        (RequestedRoles(odometry="/qqqqqqq"), "no topic '/qqqqqqq' in the log; it has"),
+        (RequestedRoles(odometry="/scan"), "not of type nav_msgs/msg/Odometry"),
+        (RequestedRoles(vision=("/image",)), "mcl cannot use messages of type sensor_msgs/msg/Image"),
     ],
 )
-def test_a_wish_that_cannot_be_met_is_an_error_in_one_line(wishes: Wishes, said: str) -> None:
+def test_a_wish_that_cannot_be_met_is_an_error_in_one_line(requested: RequestedRoles, said: str) -> None:
     found = log_of(("/scan", LASER), ("/odom", ODOM), ("/image", "sensor_msgs/msg/Image"))
     with pytest.raises(UsageError) as caught:
-        assign(found, wishes)
+        assign(found, requested)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)
 
@@ -95,7 +95,7 @@ def test_a_wish_that_cannot_be_met_is_an_error_in_one_line(wishes: Wishes, said:
 def test_an_odometry_frame_that_is_not_above_the_base_is_an_error() -> None:
     found = log_of(("/scan", LASER), moving=(("odom", "base_link"),))
     with pytest.raises(InputError, match="'wheels' is not above 'base_link'"):
-        assign(found, Wishes(odometry="tf", odom_frame="wheels"))
+        assign(found, RequestedRoles(odometry="tf", odom_frame="wheels"))
 
 
 def test_an_empty_log_has_no_parts_to_give() -> None:

@@ -12,8 +12,8 @@ import pytest
 from mclcli.io.logs.base import Tally
 from mclcli.io.messages.decoding import decode
 from mclcli.io.recording.cameras import Cameras, pair
-from mclcli.io.recording.roles import Wishes, assign
-from mclcli.io.recording.survey import LogSurvey, survey
+from mclcli.io.recording.roles import RequestedRoles, assign
+from mclcli.io.recording.survey import LogSurvey, survey_log
 from mclcli.records import LandmarkSightings, PixelSightings
 from tests.io.vision_samples import BOXES, INFO, TAGS, header, hypothesis, info, raw, tags
 
@@ -39,28 +39,28 @@ def markers(topic: str) -> RawMessage:
     return raw("tags", "aruco_opencv_msgs/msg/MarkerDetection", {"header": header()}, topic=topic)
 
 
-def paired(found: LogSurvey, topic: str) -> tuple[str, bool] | None:
-    pairing = pair(found, topic)
+def paired(survey: LogSurvey, topic: str) -> tuple[str, bool] | None:
+    pairing = pair(survey, topic)
     return (pairing.info, pairing.rectified) if pairing else None
 
 
 @pytest.mark.parametrize("kind", [TAGS, BOXES])
 def test_the_camera_of_the_same_frame_wins_whatever_its_name(kind: str) -> None:
-    found = survey(
+    survey = survey_log(
         [
             detections("/apriltag/detections", "front", kind),
             calibration("/apriltag/camera_info", "rear"),
             calibration("/driver/left/camera_info", "/front"),
         ]
     )
-    assert paired(found, "/apriltag/detections") == ("/driver/left/camera_info", False)
+    assert paired(survey, "/apriltag/detections") == ("/driver/left/camera_info", False)
 
 
 def test_of_several_with_the_same_frame_the_nearest_in_name_wins() -> None:
     infos = ["/a/camera_info", "/robot/cam/camera_info", "/robot/cam/depth_info", "/robot/camera_info"]
     for order in (infos, infos[::-1]):
-        found = survey([detections("/robot/cam/tags"), *map(calibration, order)])
-        assert paired(found, "/robot/cam/tags") == ("/robot/cam/camera_info", False)
+        survey = survey_log([detections("/robot/cam/tags"), *map(calibration, order)])
+        assert paired(survey, "/robot/cam/tags") == ("/robot/cam/camera_info", False)
 
 
 @pytest.mark.parametrize(
@@ -75,8 +75,8 @@ def test_of_several_with_the_same_frame_the_nearest_in_name_wins() -> None:
     ],
 )
 def test_another_frame_serves_in_the_same_namespace_or_above(info_topic: str, is_near: bool) -> None:  # noqa: FBT001
-    found = survey([detections("/robot/cam/tags", "here"), calibration(info_topic, "there")])
-    assert paired(found, "/robot/cam/tags") == ((info_topic, False) if is_near else None)
+    survey = survey_log([detections("/robot/cam/tags", "here"), calibration(info_topic, "there")])
+    assert paired(survey, "/robot/cam/tags") == ((info_topic, False) if is_near else None)
 
 
 @pytest.mark.parametrize(
@@ -94,15 +94,15 @@ def test_another_frame_serves_in_the_same_namespace_or_above(info_topic: str, is
     ],
 )
 def test_a_name_says_whether_images_are_rectified(topic: str, info_topic: str, rectified: bool) -> None:  # noqa: FBT001
-    found = survey([detections(topic), calibration(info_topic)])
-    assert paired(found, topic) == (info_topic, rectified)
-    reason = assign(found).reasons["vision"]
+    survey = survey_log([detections(topic), calibration(info_topic)])
+    assert paired(survey, topic) == (info_topic, rectified)
+    reason = assign(survey).reasons["vision"]
     assert topic in reason
     assert (f"P of {info_topic}" if rectified else f"K and D of {info_topic}") in reason
 
 
 def test_two_cameras_and_one_without_calibration_which_comes_last() -> None:
-    found = survey(
+    survey = survey_log(
         [
             detections("/a/blind", "nowhere"),
             detections("/b/tags", "left"),
@@ -112,11 +112,11 @@ def test_two_cameras_and_one_without_calibration_which_comes_last() -> None:
             calibration("/d/camera_info", "right"),
         ]
     )
-    roles = assign(found)
+    roles = assign(survey)
     assert roles.vision == ("/b/tags", "/c/markers", "/d/tags", "/a/blind")
     assert "/a/blind: no sensor_msgs/CameraInfo on /a/camera_info" in roles.reasons["vision"]
     assert "/markers" not in roles.reasons["vision"]
-    assert assign(found, Wishes(vision=("/d/tags",))).vision == ("/d/tags",)
+    assert assign(survey, RequestedRoles(vision=("/d/tags",))).vision == ("/d/tags",)
 
 
 def seen_by(cameras: Cameras, topic: str, message: RawMessage) -> object | None:
@@ -126,7 +126,7 @@ def seen_by(cameras: Cameras, topic: str, message: RawMessage) -> object | None:
 
 def test_pixels_become_rays_and_all_else_passes() -> None:
     messages = [detections("/cam/tags"), calibration("/cam/camera_info", d=[0.0] * 5)]
-    cameras = Cameras(survey(messages), ["/cam/tags", "/scan"], Tally())
+    cameras = Cameras(survey_log(messages), ["/cam/tags", "/scan"], Tally())
     assert cameras.topics == {"/cam/camera_info"}
     seen = seen_by(cameras, "/cam/tags", raw("tags", TAGS, tags((4, 320.0, 240.0), (5, 920.0, -370.0))))
     assert isinstance(seen, LandmarkSightings)
@@ -139,7 +139,7 @@ def test_pixels_become_rays_and_all_else_passes() -> None:
 
 def test_only_the_calibrations_of_wanted_topics_are_read() -> None:
     messages = [detections("/a/tags", "left"), calibration("/a/camera_info", "left"), markers("/c/markers")]
-    assert Cameras(survey(messages), ["/c/markers"], Tally()).topics == frozenset()
+    assert Cameras(survey_log(messages), ["/c/markers"], Tally()).topics == frozenset()
 
 
 def test_the_latest_calibration_before_an_image_counts_else_the_first() -> None:
@@ -153,7 +153,7 @@ def test_the_latest_calibration_before_an_image_counts_else_the_first() -> None:
         return float(seen.rays[0, 0])
 
     infos = [of(10, 100.0), of(11, 100.0), of(20, 200.0), of(30, 400.0)]
-    cameras = Cameras(survey([detections("/cam/tags"), *infos]), ["/cam/tags"], Tally())
+    cameras = Cameras(survey_log([detections("/cam/tags"), *infos]), ["/cam/tags"], Tally())
     assert slope(5) == 1.0
     for message in infos:
         model: CameraModel = decode(message)  # type: ignore[assignment]
@@ -176,7 +176,7 @@ def test_what_has_no_rays_is_counted_and_told_once(
     messages: list[RawMessage], reason: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     tally = Tally(read={"/cam/tags": 3})
-    cameras = Cameras(survey([detections("/cam/tags"), *messages]), ["/cam/tags"], tally)
+    cameras = Cameras(survey_log([detections("/cam/tags"), *messages]), ["/cam/tags"], tally)
     with caplog.at_level(logging.WARNING, logger="mclcli"):
         assert [seen_by(cameras, "/cam/tags", detections("/cam/tags")) for _ in range(2)] == [None, None]
     assert tally.skipped == {"/cam/tags": {reason: 2}}
@@ -187,7 +187,7 @@ def test_what_has_no_rays_is_counted_and_told_once(
 def test_a_pixel_beyond_the_lens_is_left_out_alone() -> None:
     tally = Tally()
     folded = calibration("/cam/camera_info", d=[-0.3, 0.0, 0.0, 0.0, 0.0])
-    cameras = Cameras(survey([detections("/cam/tags"), folded]), ["/cam/tags"], tally)
+    cameras = Cameras(survey_log([detections("/cam/tags"), folded]), ["/cam/tags"], tally)
     seen = seen_by(cameras, "/cam/tags", raw("tags", TAGS, tags((1, 9000.0, 240.0), (2, 320.0, 300.0))))
     assert isinstance(seen, LandmarkSightings)
     assert seen.ids == ("2",)
@@ -195,7 +195,7 @@ def test_a_pixel_beyond_the_lens_is_left_out_alone() -> None:
 
 
 def test_a_survey_keeps_the_pixels_and_their_frame() -> None:
-    sample = survey([detections("/cam/tags", "/front")]).topics["/cam/tags"].sample
+    sample = survey_log([detections("/cam/tags", "/front")]).topics["/cam/tags"].sample
     assert isinstance(sample, PixelSightings)
     assert sample.frame_id == "front"
     assert math.isclose(sample.pixels[0, 0], 320.0)

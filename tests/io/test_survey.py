@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from mclcli.io.logs.base import Channel, RawMessage
-from mclcli.io.recording.survey import LogSurvey, TopicSurvey, survey
+from mclcli.io.recording.survey import LogSurvey, TopicSurvey, survey_log
 from tests.support import SECOND
 
 IMAGE = Channel("/image", "sensor_msgs/msg/Image", "cdr")
@@ -35,17 +35,17 @@ def test_messages_out_of_order_widen_the_span() -> None:
 
 
 def test_what_cannot_be_used_is_counted_without_being_decoded() -> None:
-    found = survey([RawMessage(IMAGE, 7, b"not an image"), RawMessage(IMAGE, 9, b"")])
-    assert found.topics["/image"].count == 2
-    assert found.topics["/image"].sample is None
-    assert found.span_ns == (7, 9)
-    assert found.of_type(IMAGE.type) == []
+    survey = survey_log([RawMessage(IMAGE, 7, b"not an image"), RawMessage(IMAGE, 9, b"")])
+    assert survey.topics["/image"].count == 2
+    assert survey.topics["/image"].sample is None
+    assert survey.span_ns == (7, 9)
+    assert survey.of_type(IMAGE.type) == []
 
 
 def test_a_message_that_cannot_be_decoded_says_why_and_the_next_one_serves() -> None:
     scan = Channel("/scan", "sensor_msgs/msg/LaserScan", "cdr")
-    found = survey([RawMessage(scan, 1, b"\0"), RawMessage(scan, 2, b"\0\1\0")])
-    topic = found.topics["/scan"]
+    survey = survey_log([RawMessage(scan, 1, b"\0"), RawMessage(scan, 2, b"\0\1\0")])
+    topic = survey.topics["/scan"]
     assert topic.count == 2
     assert topic.sample is None
     assert topic.problem

@@ -155,7 +155,7 @@ def test_the_run_starts_at_the_first_stated_pose() -> None:
     start = AlongPoses([StampedPose(ns(1), "map", START, np.zeros((3, 3)))])
     points, tally = run(drive(3), start=start)
     assert points[0].stamp_ns == ns(1.1)
-    assert tally.skipped["/scan", "before the first stated pose"] == 2
+    assert tally.skipped["/scan", "before the first pose given"] == 2
     np.testing.assert_allclose(points[0].estimate.pose, np.add(START, [0.1, 0, 0]), atol=1e-9)
 
 

@@ -128,13 +128,13 @@ def test_a_run_may_wait_to_be_told() -> None:
     points, tally = run(events, follow="/initialpose", start=WhenTold())
     assert [point.stamp_ns for point in points] == [ns(0.8)]
     np.testing.assert_allclose(points[0].estimate.pose, [5.2, 5.0, 0.0], atol=1e-9)
-    assert tally.skipped["/scan", "before the first stated pose"] == 1
+    assert tally.skipped["/scan", "before the first pose given"] == 1
 
 
 def test_a_pose_stated_in_the_odometrys_frame_is_refused() -> None:
     _, tally = run([*drive(2), told(1, 0, 0, 0, frame="odom")], follow="/initialpose")
     assert tally.restarts == 0
-    assert tally.skipped["/initialpose", "stated in frame 'odom', not in the map's"] == 1
+    assert tally.skipped["/initialpose", "given in frame 'odom', not in the map's"] == 1
 
 
 @pytest.mark.parametrize("offset", [-0.25, 0.3])

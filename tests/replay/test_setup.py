@@ -10,7 +10,7 @@ import pytest
 
 from mclcli.errors import InputError, MclError, UsageError
 from mclcli.filter.start import Anywhere, AroundPose
-from mclcli.io.recording.roles import Wishes, assign
+from mclcli.io.recording.roles import RequestedRoles, assign
 from mclcli.records import LaserScan
 from mclcli.replay.setup import describe_extent, prepare
 from mclcli.sensors.instruments import Camera, Lidar
@@ -40,8 +40,8 @@ def log(*topics: tuple[str, str], mounted: bool = True) -> LogSurvey:
     return found
 
 
-def prepared(found: LogSurvey, **changes: Any) -> Setup:
-    return prepare(found, assign(found), **changes)
+def prepared(survey: LogSurvey, **changes: Any) -> Setup:
+    return prepare(survey, assign(survey), **changes)
 
 
 def test_everything_that_fits_takes_part() -> None:
@@ -64,7 +64,7 @@ def test_several_lidars_are_numbered_and_share_one_field() -> None:
         assert how == {"boundary_only": False, "mark_unknown": False}
         return compute(grid, method, max_dist, **how)
 
-    roles = assign(found, Wishes(scan=("/front", "/back")))
+    roles = assign(found, RequestedRoles(scan=("/front", "/back")))
     settings = profiles.build({"field_method": "brushfire", "laser_likelihood_max_dist": 1.25})
     setup = prepare(found, roles, grid=GRID, settings=settings, make_field=making)
     assert [(topic, lidar.name) for topic, lidar in setup.instruments.items()] == [

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import mclcli as mcl
 from mclcli.geometry import se2
 from mclcli.io.recording.recording import open_recording
-from mclcli.io.recording.roles import Wishes
+from mclcli.io.recording.roles import RequestedRoles
 from mclcli.records import LandmarkSightings
 from mclcli.sensors.bearing import observe
 from mclcli.world.landmarks import Landmarks
@@ -170,7 +170,7 @@ def test_the_log_tells_both_cameras(log: Path) -> None:
 @pytest.mark.parametrize("camera", CAMERAS, ids=["raw", "rectified"])
 def test_at_the_true_pose_bearings_are_right_to_a_pixel(log: Path, camera: Mounted) -> None:
     recording = open_recording(log)
-    mount = recording.found.frames.lookup("base_link", camera.frame, 0)
+    mount = recording.survey.frames.lookup("base_link", camera.frame, 0)
     assert mount is not None
     errors: list[float] = []
     for _, seen in recording.events([camera.tags]):
@@ -188,9 +188,9 @@ def test_at_the_true_pose_bearings_are_right_to_a_pixel(log: Path, camera: Mount
 @pytest.mark.parametrize("cameras", [CAMERAS, CAMERAS[:1], CAMERAS[1:]], ids=["both", "raw", "rectified"])
 def test_tags_alone_keep_the_robot_on_its_track(log: Path, cameras: tuple[Mounted, ...]) -> None:
     recording = open_recording(log)
-    roles = recording.roles(Wishes(vision=tuple(camera.tags for camera in cameras)))
+    roles = recording.roles(RequestedRoles(vision=tuple(camera.tags for camera in cameras)))
     setup = mcl.prepare(
-        recording.found,
+        recording.survey,
         roles,
         landmarks=LANDMARKS,
         settings=mcl.settings({"sigma_bearing": 0.03}),

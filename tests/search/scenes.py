@@ -20,7 +20,7 @@ from mclcli.world.raycast import make_caster
 
 if TYPE_CHECKING:
     from mclcli.arrays import BoolArray, FloatArray
-    from mclcli.replay.finder import Finder, Limits
+    from mclcli.replay.finder import GlobalSearch, Limits
     from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
 
@@ -74,11 +74,13 @@ def finder_for(
     limits: Limits | None = None,
     landmarks: Landmarks | None = None,
     alpha: float | str = "auto",
-) -> Finder:
+) -> GlobalSearch:
     """The search over a map."""
     settings = settings or profiles.build({})
     model = LikelihoodField(distance_field.compute(grid, "exact", 2.0), settings.likelihood_field)
-    return finder.make_finder(grid, model, settings, pyramid.build, limits=limits, landmarks=landmarks, alpha=alpha)
+    return finder.make_global_search(
+        grid, model, settings, pyramid.build, limits=limits, landmarks=landmarks, alpha=alpha
+    )
 
 
 def cells_allowed(grid: OccupancyGrid, policy: str) -> BoolArray:

@@ -140,7 +140,7 @@ def test_a_sweep_stops_and_goes_on_where_the_room_ends(monkeypatch: pytest.Monke
     parts: list[np.ndarray] = []
     search = World(*_small_room()).search()
     for chunk, into in ((1 << 17, whole), (2100, parts)):
-        monkeypatch.setattr("mclcli.search.costs._CHUNK", chunk)
+        monkeypatch.setattr("mclcli.search.cost_tables._CHUNK", chunk)
         state = np.zeros(4, np.int64)
         while not search.costs.done(state):
             into.append(search.costs.sweep(state, search.costs.most, search.costs.most, np.empty(0)).places)

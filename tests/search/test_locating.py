@@ -11,7 +11,7 @@ import pytest
 
 from mclcli.geometry import se2, se3
 from mclcli.records import LandmarkSightings, LaserScan
-from mclcli.replay.finder import Finder, Limits
+from mclcli.replay.finder import GlobalSearch, Limits
 from mclcli.search import window
 from mclcli.search.calibration import Figures, probability
 from mclcli.sensors import beams as beam_selection
@@ -66,9 +66,9 @@ def test_the_pose_is_that_of_the_last_scan_whatever_odometry_did_before() -> Non
     seen = seen_from(grid, *poses)
     drift = np.array([0.0, 0.02, 0.02])
     drifted = [dataclasses.replace(o, odom_from_base=o.odom_from_base + i * drift) for i, o in enumerate(seen)]
-    finder = finder_for(grid)
+    search = finder_for(grid)
     for observations, odometry in ((seen, "exact"), (drifted, "9° and 0.16 m off")):
-        location = finder.find(observations, 3)
+        location = search.find(observations, 3)
         assert location is not None, odometry
         distance, angle = off(location.modes[0].pose, poses[-1])
         assert distance < 0.05, odometry
@@ -184,9 +184,9 @@ def test_shares_are_probabilities_and_the_interval_holds_the_mass_of_all_poses()
         assert narrow.low <= wide.high
 
 
-def _with(finder: Finder, leaf_nats: float) -> Finder:
-    search = dataclasses.replace(finder.settings.search, leaf_nats=leaf_nats)
-    return dataclasses.replace(finder, settings=dataclasses.replace(finder.settings, search=search))
+def _with(search: GlobalSearch, leaf_nats: float) -> GlobalSearch:
+    parameters = dataclasses.replace(search.settings.search, leaf_nats=leaf_nats)
+    return dataclasses.replace(search, settings=dataclasses.replace(search.settings, search=parameters))
 
 
 def test_refinement_goes_beyond_the_lattice_and_tells_where_it_is_loose() -> None:
@@ -223,12 +223,12 @@ def test_all_profiles_find_the_robot() -> None:
 def test_the_log_likelihood_is_what_scoring_says_at_that_pose() -> None:
     grid = hall((2.0, 3.0, 0.0))
     true = (3.4, 4.2, -2.0)
-    finder, seen = finder_for(grid), seen_from(grid, true)
-    location, view = finder.find(seen, 5), finder.view(seen)
+    search, seen = finder_for(grid), seen_from(grid, true)
+    location, view = search.find(seen, 5), search.view(seen)
     assert location is not None
     assert view is not None
     for mode in location.modes:
-        scored = finder.scene.model.measure("lidar", view.beams).log_likelihood(mode.node[np.newaxis])[0]
+        scored = search.scene.model.measure("lidar", view.beams).log_likelihood(mode.node[np.newaxis])[0]
         assert scored == pytest.approx(mode.log_likelihood, abs=1e-9)
 
 

@@ -102,11 +102,11 @@ def command(**arguments: Any) -> int:
     landmarks = _landmarks(arguments)
     moments = scans.find(arguments, chosen, grid, landmarks)
     alpha = searching.temperature_of(arguments["temperature"])
-    finder = searching.make_finder(settings, grid, landmarks, alpha, _limits(arguments, grid, settings))
+    search = searching.global_search(settings, grid, landmarks, alpha, _limits(arguments, grid, settings))
     inputs = input_files(arguments)
     if arguments["picture"]:
         open_output(arguments["picture"], binary=True, inputs=inputs)  # refuses now what it would refuse at the end
-    result = locate_output.Results(arguments, finder, grid, inputs)
+    result = locate_output.Results(arguments, search, grid, inputs)
     with open_output(arguments["output"], binary=False, inputs=inputs) as output:
         output.write(result.header)
         for moment in moments:

@@ -16,7 +16,7 @@ from mclcli.io.traces.sinks import stamp_text
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from mclcli.replay.finder import Finder
+    from mclcli.replay.finder import GlobalSearch
     from mclcli.search.locating import Location, Mode
     from mclcli.sensors.observation import Observation
     from mclcli.world.occupancy import OccupancyGrid
@@ -31,9 +31,11 @@ COLUMNS = (
 class Results:
     """Searches one after the other, as text; the last one is remembered for the picture."""
 
-    def __init__(self, arguments: dict[str, Any], finder: Finder, grid: OccupancyGrid, inputs: Sequence[Path]) -> None:
+    def __init__(
+        self, arguments: dict[str, Any], search: GlobalSearch, grid: OccupancyGrid, inputs: Sequence[Path]
+    ) -> None:
         self._arguments = arguments
-        self._finder = finder
+        self._search = search
         self._grid = grid
         self._inputs = inputs
         self._last: tuple[Location, Sequence[Observation]] | None = None
@@ -54,7 +56,7 @@ class Results:
             If the scan has no beam that says anything.
 
         """
-        location = self._finder.find(moment, self._arguments["number"])
+        location = self._search.find(moment, self._arguments["number"])
         if location is None or not location.beams:
             raise InputError(
                 f"{self._arguments['scan']}: the scan has no reading between its minimum and maximum range; "
@@ -92,7 +94,7 @@ class Results:
         from mclcli.geometry import se2
         from mclcli.render.modes import draw_modes
 
-        view = self._finder.view(moment)
+        view = self._search.view(moment)
         assert view is not None  # noqa: S101 - it has been searched with
         poses = np.array([mode.pose for mode in location.modes])
         ends = np.column_stack([view.beams.endpoints, np.zeros(len(view.beams.endpoints))])

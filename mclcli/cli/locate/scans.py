@@ -137,7 +137,7 @@ def _setup(
             f"{arguments['scan']}: the log has no laser scan that can be used; `mcl info` shows what it has"
         )
     return assemble.prepare(
-        recording.found,
+        recording.survey,
         parts,
         grid=grid,
         landmarks=landmarks,

@@ -172,7 +172,7 @@ def _set_up(
     start = start_of_file(chosen, grid) if arguments["init"] is None else read_start(arguments["init"], recording)
     start, proposal = search_for(arguments, chosen.settings, grid, landmarks, parts, start)
     setup = assemble.prepare(
-        recording.found,
+        recording.survey,
         parts,
         grid=grid,
         landmarks=landmarks,
@@ -212,7 +212,7 @@ def _find_map(arguments: dict[str, Any], recording: Recording, parts: Roles) -> 
         )
     if not parts.map:
         return None
-    grid = recording.found.topics[parts.map].sample
+    grid = recording.survey.topics[parts.map].sample
     assert isinstance(grid, OccupancyGrid)  # noqa: S101 - roles go by type
     console.remark(f"map: from the log's topic {parts.map}")
     return grid
@@ -225,7 +225,7 @@ def _events(
     needed = (
         setup.topics
         | references.topics
-        | (set(recording.found.transform_topics) if outputs.keeps_transforms else set())
+        | (set(recording.survey.transform_topics) if outputs.keeps_transforms else set())
     )
     for topic, record in recording.events(needed):
         if isinstance(record, tuple):

@@ -140,11 +140,11 @@ class Outputs:
             metadata={
                 key: value if isinstance(value, str) else json.dumps(value) for key, value in self._metadata.items()
             },
-            parameters_yaml=format_params(self._settings.stated()),
+            parameters_yaml=format_params(self._settings.as_file()),
             odom_frame=self._setup.odom_frame,
             base_frame=self._setup.base_frame,
             map_frame=self._settings.frames.global_frame_id,
-            static_transforms=tuple(self._recording.found.statics.values()),
+            static_transforms=tuple(self._recording.survey.statics.values()),
         )
 
 

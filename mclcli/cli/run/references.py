@@ -16,7 +16,7 @@ from mclcli.text import clean
 if TYPE_CHECKING:
     from mclcli.evaluate.events import Loss
     from mclcli.geometry.trajectory import Track, Trajectory
-    from mclcli.io.recording.recorded_poses import Stated
+    from mclcli.io.recording.recorded_poses import RecordedPoses
     from mclcli.io.recording.recording import Recording
     from mclcli.replay.loop import Setup
 
@@ -45,19 +45,19 @@ class References:
     """
 
     def __init__(self, truth: str | None, versus: str | None, recording: Recording, setup: Setup) -> None:
-        from mclcli.io.recording.recorded_poses import Stated, read_trajectory
+        from mclcli.io.recording.recorded_poses import RecordedPoses, read_trajectory
 
         self._versus_name, self._origin_ns = versus or "", recording.first_ns
         self._file: Trajectory | None = None
-        self._truth: Stated | None = None
-        self._versus: Stated | None = None
+        self._truth: RecordedPoses | None = None
+        self._versus: RecordedPoses | None = None
         if truth is not None and _is_stated(truth, recording):
-            self._truth = Stated(truth, recording.found, setup.base_frame)
+            self._truth = RecordedPoses(truth, recording.survey, setup.base_frame)
         elif truth is not None:
             self._file = read_trajectory(truth)
         if versus is not None:
             child = setup.odom_frame if versus.startswith("tf:") else setup.base_frame
-            self._versus = Stated(versus, recording.found, child)
+            self._versus = RecordedPoses(versus, recording.survey, child)
         collectors = [collector for collector in (self._truth, self._versus) if collector is not None]
         self._collectors = tuple(collectors)
         self.topics: frozenset[str] = frozenset().union(*(collector.topics for collector in collectors))
@@ -84,8 +84,8 @@ class References:
         believed = None if belief is None or truth is None else evaluate(belief, truth)
         return Findings(truth, evaluation, comparison, believed, self._versus_name, self._origin_ns)
 
-    def _belief(self, stated: Trajectory, track: Track) -> Trajectory:
-        return (composed if self._versus_name.startswith("tf:") else carried)(stated, track.odometry)
+    def _belief(self, belief: Trajectory, track: Track) -> Trajectory:
+        return (composed if self._versus_name.startswith("tf:") else carried)(belief, track.odometry)
 
 
 def _is_stated(text: str, recording: Recording) -> bool:

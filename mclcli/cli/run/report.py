@@ -33,7 +33,7 @@ _REDRAW_S = 0.1
 @contextmanager
 def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
     """Live progress on stderr while it is a terminal: percent of the log, × real time, ESS, pose."""
-    span = recording.found.span_ns
+    span = recording.survey.span_ns
     if span is None or not console.is_live():
         yield lambda _: None
         return
@@ -105,7 +105,7 @@ def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
     jumps, again, back = tally.odometry_jumps, tally.restarts, tally.segments - 1
     told = {
         f"odometry {clean(setup.odometry)}: {_times(jumps)} it jumped; taken for resets, not for motion": jumps,
-        f"{clean(setup.follow)}: the filter began anew {_times(again)}, at every pose stated": again,
+        f"{clean(setup.follow)}: the filter began anew {_times(again)}, at each of its poses": again,
         f"time jumped back {_times(back)}; the filter began anew in each segment": back,
         f"{tally.injected} particles drawn anew": tally.injected,
     }

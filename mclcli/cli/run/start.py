@@ -38,7 +38,7 @@ def read_start(text: str | None, recording: Recording) -> Start | None:
         return None
     assert text is not None  # noqa: S101
     if names_topic(text, recording):
-        return AlongPoses(stated_poses(recording, text))
+        return AlongPoses(poses_of_topic(recording, text))
     if _NUMBERS.fullmatch(text) and not Path(text).exists():
         return _around(text)
     return AlongPoses(_poses_of_file(text))
@@ -46,10 +46,10 @@ def read_start(text: str | None, recording: Recording) -> Start | None:
 
 def names_topic(text: str, recording: Recording) -> bool:
     """Whether a text means a topic: it begins with a slash and is no file, unless the log has a topic of that name."""
-    return text.startswith("/") and (text in recording.found.topics or not Path(text).exists())
+    return text.startswith("/") and (text in recording.survey.topics or not Path(text).exists())
 
 
-def stated_poses(recording: Recording, topic: str) -> list[StampedPose]:
+def poses_of_topic(recording: Recording, topic: str) -> list[StampedPose]:
     """Poses that a topic states, of type Odometry, PoseStamped or PoseWithCovarianceStamped.
 
     Raises
@@ -60,18 +60,18 @@ def stated_poses(recording: Recording, topic: str) -> list[StampedPose]:
         If it states no pose that can be used.
 
     """
-    if topic not in recording.found.topics:
-        names = ", ".join(sorted(recording.found.topics))
+    if topic not in recording.survey.topics:
+        names = ", ".join(sorted(recording.survey.topics))
         raise UsageError(f"no topic '{topic}' in the log; it has {names or 'none'}")
     poses = [
         StampedPose(record.stamp_ns, record.frame_id, record.pose) if isinstance(record, Odometry) else record
         for record in recording.records(topic)
     ]
-    stated = [pose for pose in poses if isinstance(pose, StampedPose)]
-    if not stated:
-        kind = recording.found.topics[topic].channel.type
+    stamped = [pose for pose in poses if isinstance(pose, StampedPose)]
+    if not stamped:
+        kind = recording.survey.topics[topic].channel.type
         raise InputError(f"topic '{topic}' of type {kind} states no pose that can be used; name another one")
-    return stated
+    return stamped
 
 
 def find_initialpose(recording: Recording) -> str:
@@ -83,10 +83,10 @@ def find_initialpose(recording: Recording) -> str:
         If the log has none.
 
     """
-    topic = roles.initialpose(recording.found)
+    topic = roles.initialpose(recording.survey)
     if not topic:
-        has = ", ".join(sorted(recording.found.topics)) or "none"
-        raise UsageError(f"--follow-initialpose: the log has no topic named initialpose of stated poses; it has {has}")
+        has = ", ".join(sorted(recording.survey.topics)) or "none"
+        raise UsageError(f"--follow-initialpose: the log has no topic of poses named initialpose; it has {has}")
     return topic
 
 
@@ -123,5 +123,5 @@ def _poses_of_file(text: str) -> list[StampedPose]:
 
     if not Path(text).exists():
         raise UsageError(f"--init: '{text}' is neither X,Y,YAW, uniform, global, a topic nor a file that exists")
-    stated = read_tum(text)
-    return [StampedPose(int(stamp), "map", pose) for stamp, pose in zip(stated.stamps_ns, stated.poses, strict=True)]
+    track = read_tum(text)
+    return [StampedPose(int(stamp), "map", pose) for stamp, pose in zip(track.stamps_ns, track.poses, strict=True)]

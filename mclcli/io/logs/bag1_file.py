@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, cast, final
 
 from mclcli.io.logs import bag1_records as rec
 from mclcli.io.logs.base import LARGE, Damage, FileFacts, Item, RawMessage
-from mclcli.io.logs.channels import Lanes
+from mclcli.io.logs.channels import WatchedChannels
 from mclcli.io.logs.inflate import CHUNK_LIMIT, RECORD_LIMIT, Budget, CorruptError, inflate, inflate_start
 from mclcli.io.logs.report import CUT, RESUMES, UNCLOSED, Report
 
@@ -34,22 +34,22 @@ class Bag1File:
     def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
         """Channels, messages and damage in file order (see ``Container``)."""
         with self.start() as src:
-            yield from _Scan(self, src, Lanes(wanted), Report(self.source)).run()
+            yield from _Pass(self, src, WatchedChannels(wanted), Report(self.source)).run()
 
 
 @final
 @dataclass(slots=True)
-class _Scan:
+class _Pass:
     """One pass over a file. Generators that answer a bool say whether reading can go on."""
 
     file: Bag1File
     src: ByteSource
-    lanes: Lanes
+    channels: WatchedChannels
     report: Report
     budget: Budget = field(default_factory=Budget)
     index_at: int = 0  # where the bag header says that the index starts; 0 in a bag that was not closed
     messages: int = 0
-    stated: int = 0  # messages that the index counts
+    declared: int = 0  # messages that the index counts
     learned: bool = False
     resumes: int = 0
 
@@ -69,8 +69,8 @@ class _Scan:
                 going = yield from self.broken(at, raw, head, None)
             else:
                 going = yield from self.record(at, raw, head, size)
-        yield from self.lanes.report()
-        yield from self.report.totals(self.src.offset, self.messages, self.stated or None, self.lanes.nameless)
+        yield from self.channels.report()
+        yield from self.report.totals(self.src.offset, self.messages, self.declared or None, self.channels.nameless)
         closed = 0 < self.index_at <= self.src.offset
         yield FileFacts(self.file.source, "ROS 1 bag", closed, "no")
 
@@ -87,8 +87,8 @@ class _Scan:
         head = rec.parse_head(raw, 4, 4 + length)
         if head.kind not in _KINDS:
             return raw, nothing, 0
-        stated: int = rec.LENGTH.unpack_from(raw, 4 + length)[0]
-        return raw, head, rec.index_entries(head) if head.kind == rec.INDEX else stated
+        declared: int = rec.LENGTH.unpack_from(raw, 4 + length)[0]
+        return raw, head, rec.index_entries(head) if head.kind == rec.INDEX else declared
 
     def record(self, at: int, raw: bytes, head: Head, size: int) -> Generator[Item, None, bool]:
         """Read one record's data and take it in."""
@@ -105,7 +105,7 @@ class _Scan:
         elif head.kind == rec.INDEX and self.report.bad_chunk is not None:
             self.report.bad_chunk = _with_index(self.report.bad_chunk, data)
         elif head.kind == rec.CHUNK_INFO:
-            self.stated += sum(rec.LENGTH.unpack_from(data, i + 4)[0] for i in range(0, len(data) - 7, 8))
+            self.declared += sum(rec.LENGTH.unpack_from(data, i + 4)[0] for i in range(0, len(data) - 7, 8))
         elif head.kind == rec.BAG_HEADER:
             self.index_at = head.number(b"index_pos")
         return True
@@ -121,23 +121,23 @@ class _Scan:
 
     def records(self, plain: bytes, at: int, *, cut: bool = False) -> Iterator[Item]:
         """Messages of a run of records, and what is wrong with it; ``cut`` says that it may end anywhere."""
-        stop, lanes = 0, self.lanes.by_number
+        stop, channels = 0, self.channels.by_number
         for head, start, stop in rec.walk(plain):
             if head.kind == rec.MESSAGE:
                 number, stamp = head.number(b"conn"), head.stamp_ns
-                if number not in lanes:
+                if number not in channels:
                     yield from self.learn()
                 self.messages += 1
-                lane = lanes.get(number)
-                if lane is None:
-                    self.lanes.nameless += 1
-                elif lane.wanted:
+                watched = channels.get(number)
+                if watched is None:
+                    self.channels.nameless += 1
+                elif watched.wanted:
                     data = plain[start:stop] if stop - start < LARGE else cast("bytes", memoryview(plain)[start:stop])
-                    yield RawMessage(lane.channel, stamp, data)
+                    yield RawMessage(watched.channel, stamp, data)
                 else:
-                    lane.pass_over(stamp)
-                    if not self.lanes.reported:
-                        yield from self.lanes.report()
+                    watched.pass_over(stamp)
+                    if not self.channels.reported:
+                        yield from self.channels.report()
             else:
                 yield from self.connection(head, plain[start:stop])
         if stop < len(plain) and not cut:
@@ -146,7 +146,7 @@ class _Scan:
     def connection(self, head: Head, data: bytes) -> Iterator[Channel]:
         """Take in a connection record; a malformed one shows when its messages come."""
         channel = rec.parse_connection(head, data) if head.kind == rec.CONNECTION else None
-        if channel is not None and self.lanes.add(head.number(b"conn"), channel):
+        if channel is not None and self.channels.add(head.number(b"conn"), channel):
             yield channel
 
     def learn(self) -> Iterator[Item]:

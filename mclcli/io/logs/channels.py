@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @final
 @dataclass(slots=True)
-class Lane:
+class WatchedChannel:
     """One channel, whether it is wanted, and its messages passed over since the last report."""
 
     channel: Channel
@@ -35,12 +35,12 @@ class Lane:
 
 @final
 @dataclass(slots=True)
-class Lanes:
+class WatchedChannels:
     """All channels of a file by their number in it; ``nameless`` counts messages whose channel nothing describes."""
 
     wanted: Callable[[Channel], bool] | None
-    by_number: dict[int, Lane] = field(default_factory=dict)
-    retired: list[Lane] = field(default_factory=list)
+    by_number: dict[int, WatchedChannel] = field(default_factory=dict)
+    retired: list[WatchedChannel] = field(default_factory=list)
     nameless: int = 0
     reported: bool = False
 
@@ -51,16 +51,16 @@ class Lanes:
             return False
         if known is not None:
             self.retired.append(known)
-        self.by_number[number] = Lane(channel, self.wanted is None or self.wanted(channel))
+        self.by_number[number] = WatchedChannel(channel, self.wanted is None or self.wanted(channel))
         return True
 
     def report(self) -> list[PassedOver]:
         """Messages passed over since the last report, by channel."""
         self.reported = True
         passed = []
-        for lane in (*self.retired, *self.by_number.values()):
-            if lane.messages:
-                passed.append(PassedOver(lane.channel, lane.messages, lane.first_ns, lane.last_ns))
-                lane.messages = 0
+        for watched in (*self.retired, *self.by_number.values()):
+            if watched.messages:
+                passed.append(PassedOver(watched.channel, watched.messages, watched.first_ns, watched.last_ns))
+                watched.messages = 0
         self.retired.clear()
         return passed

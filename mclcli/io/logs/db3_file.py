@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 from mclcli.io.logs.base import Channel, FileFacts, Item, RawMessage, Recorded
-from mclcli.io.logs.channels import Lanes
+from mclcli.io.logs.channels import WatchedChannels
 from mclcli.io.logs.inflate import CHUNK_LIMIT
 from mclcli.io.logs.mcap_records import is_latched, ros2_name
 from mclcli.io.logs.report import Report
@@ -44,23 +44,23 @@ class Db3File:
         """Channels, messages and damage in file order (see ``Container``)."""
         report = Report(self.source)
         missing = missing_bytes(self.path)
-        if missing:  # the rest is read from a copy, filled up to its stated length
+        if missing:  # the rest is read from a copy, filled up to its declared length
             what = f"file ends {missing} bytes before its last page; it was cut off"
             yield report.lost(self.path.stat().st_size, what)
         with _readable(self.path, missing) as (path, immutable):
             uri = f"{path.absolute().as_uri()}?{'immutable=1&' if immutable else ''}mode={'ro' if immutable else 'rw'}"
             with contextlib.closing(sqlite3.connect(uri, uri=True)) as database:
-                yield from _Scan(database, Lanes(wanted), report).run()
+                yield from _Pass(database, WatchedChannels(wanted), report).run()
         yield FileFacts(self.source, "rosbag2 database", not missing and not journals(self.path), "no")
 
 
 @final
 @dataclass(slots=True)
-class _Scan:
+class _Pass:
     """One pass over an open database."""
 
     database: sqlite3.Connection
-    lanes: Lanes
+    channels: WatchedChannels
     report: Report
     last_id: int = -_FARTHEST  # last message read
     last_ns: int | None = None
@@ -73,12 +73,12 @@ class _Scan:
         try:
             self.harden()
             self.check_tables()
-            yield from self.channels()
+            yield from self.recorded_channels()
         except (sqlite3.Error, ValueError) as error:
             yield self.report.lost(0, f"cannot be read as a rosbag2 database ({error})")
             return
         yield from self.messages()
-        yield from self.lanes.report()
+        yield from self.channels.report()
         if self.odd:
             yield self.report.lost(0, "rows without a topic, a time or data", self.odd)
         yield from self.report.totals(0, self.rows_read, self.indexed(), 0)
@@ -111,7 +111,7 @@ class _Scan:
             return False
         return not any(column[-1] for column in self.database.execute(f"PRAGMA table_xinfo({table})"))
 
-    def channels(self) -> Iterator[Channel]:
+    def recorded_channels(self) -> Iterator[Channel]:
         """Topics with their types, and definitions where the file has them (since Iron)."""
         definitions: dict[str, tuple[str, str]] = {}
         if self.is_plain("message_definitions"):  # older files have no such table
@@ -124,7 +124,7 @@ class _Scan:
                 form, text = definitions.get(kind, ("", ""))
                 recorded = Recorded(kind, form, text.encode(), (("offered_qos_profiles", qos),) if qos else ())
                 channel = Channel(name, ros2_name(kind), encoding, text, "", is_latched(qos), recorded)
-                if self.lanes.add(number, channel):
+                if self.channels.add(number, channel):
                     yield channel
 
     def messages(self) -> Iterator[Item]:
@@ -148,15 +148,15 @@ class _Scan:
         query = "SELECT id, topic_id, timestamp, data FROM messages WHERE id > ? ORDER BY id"
         cursor = self.database.execute(query, (self.last_id,))
         cursor.arraysize = _ROWS
-        lanes = self.lanes.by_number
+        channels = self.channels.by_number
         for number, topic, stamp, data in cursor:
             if number <= self.last_id:
                 raise sqlite3.DatabaseError("a page is its own successor")
             self.last_id = number
             self.rows_read += 1
-            lane = lanes.get(topic)
+            watched = channels.get(topic)
             if (
-                lane is None
+                watched is None
                 or type(stamp) is not int
                 or type(data) is not bytes
                 or (self.report.hurt and _FILLER in data)
@@ -164,12 +164,12 @@ class _Scan:
                 self.odd += 1
                 continue
             self.last_ns = stamp
-            if lane.wanted:
-                yield RawMessage(lane.channel, stamp, data)
+            if watched.wanted:
+                yield RawMessage(watched.channel, stamp, data)
             else:
-                lane.pass_over(stamp)
-                if not self.lanes.reported:
-                    yield from self.lanes.report()
+                watched.pass_over(stamp)
+                if not self.channels.reported:
+                    yield from self.channels.report()
 
     def next_readable(self, first: int) -> tuple[int, int | None] | None:
         """Id and time of the first message at or after ``first`` that can be read again."""
@@ -236,7 +236,7 @@ def _readable(path: Path, missing: int) -> Iterator[tuple[Path, bool]]:
 
 
 def _fill_up(path: Path, missing: int) -> None:
-    """Lengthen a cut database to its stated length, in a way that shows in every message that reached into the cut."""
+    """Lengthen a cut database to its declared length, so that every message that reached into the cut shows it."""
     with path.open("r+b") as stream:
         page = max(512, _page_size(stream.read(100)))
         size = path.stat().st_size

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, cast, final
 
 from mclcli.io.logs import mcap_records as rec
 from mclcli.io.logs.base import LARGE, Damage, FileFacts, Item, RawMessage
-from mclcli.io.logs.channels import Lanes
+from mclcli.io.logs.channels import WatchedChannels
 from mclcli.io.logs.inflate import CHUNK_LIMIT, RECORD_LIMIT, Budget, CorruptError, inflate, inflate_start
 from mclcli.io.logs.report import CUT, RESUMES, UNCLOSED, Report
 
@@ -36,22 +36,22 @@ class McapFile:
     def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
         """Channels, messages and damage in file order (see ``Container``)."""
         with self.start() as src:
-            yield from _Scan(self, src, Lanes(wanted), Report(self.source)).run()
+            yield from _Pass(self, src, WatchedChannels(wanted), Report(self.source)).run()
 
 
 @final
 @dataclass(slots=True)
-class _Scan:
+class _Pass:
     """One pass over a file. Generators that answer a bool say whether reading can go on."""
 
     file: McapFile
     src: ByteSource
-    lanes: Lanes
+    channels: WatchedChannels
     report: Report
     schemas: dict[int, Recorded] = field(default_factory=dict)
     budget: Budget = field(default_factory=Budget)
     messages: int = 0  # seen so far, wanted or not
-    stated: int | None = None  # messages that the file's own statistics count
+    declared: int | None = None  # messages that the file's own statistics count
     last_ns: int | None = None
     loose: bool = False  # messages stand outside chunks
     data_ended: bool = False
@@ -80,8 +80,8 @@ class _Scan:
                 going = yield from self.broken(at, head, None)
             else:
                 going = yield from self.record(at, head, crc)
-        yield from self.lanes.report()
-        yield from self.report.totals(self.src.offset, self.messages, self.stated, self.lanes.nameless)
+        yield from self.channels.report()
+        yield from self.report.totals(self.src.offset, self.messages, self.declared, self.channels.nameless)
         yield FileFacts(self.file.source, "MCAP", self.closed, self.checksums())
 
     def checksums(self) -> str:
@@ -126,12 +126,12 @@ class _Scan:
             count = (self.report.bad_chunk.messages or 0) + rec.index_entries(record[9:])
             self.report.bad_chunk = replace(self.report.bad_chunk, messages=count)
         elif kind == rec.STATISTICS and len(record) >= 17:
-            (self.stated,) = struct.unpack_from("<Q", record, 9)
+            (self.declared,) = struct.unpack_from("<Q", record, 9)
         elif kind == rec.DATA_END:
-            (stated,) = struct.unpack_from("<I", record, 9)
-            if stated not in {0, crc} and self.src.crc_valid and not self.report.hurt:
+            (declared,) = struct.unpack_from("<I", record, 9)
+            if declared not in {0, crc} and self.src.crc_valid and not self.report.hurt:
                 yield self.report.lost(at, "data section fails its checksum; something outside its chunks was altered")
-            self.data_checked = stated != 0
+            self.data_checked = declared != 0
             self.data_ended, self.src.crc, self.src.crc_valid = True, 0, True
         elif kind == rec.FOOTER:
             yield from self.close(at, record, crc)
@@ -139,9 +139,9 @@ class _Scan:
     def close(self, at: int, footer: bytes, crc: int) -> Iterator[Item]:
         """Check what the footer says of the summary, and the mark at the end of the file."""
         self.closed = True
-        (stated,) = struct.unpack_from("<I", footer, 25)
-        if stated not in {0, zlib.crc32(footer[:25], crc)} and self.src.crc_valid and self.data_ended:
-            self.stated = None
+        (declared,) = struct.unpack_from("<I", footer, 25)
+        if declared not in {0, zlib.crc32(footer[:25], crc)} and self.src.crc_valid and self.data_ended:
+            self.declared = None
             yield self.report.harmless(at, "summary fails its checksum and is not used")
         if self.src.read(len(rec.MAGIC)) != rec.MAGIC:
             yield self.report.harmless(at, "file lacks its closing mark")
@@ -158,7 +158,7 @@ class _Scan:
             schema = rec.parse_schema(body)
             if schema is not None:
                 self.schemas[schema[0]] = schema[1]
-        elif (channel := rec.parse_channel(body, self.schemas)) is not None and self.lanes.add(*channel):
+        elif (channel := rec.parse_channel(body, self.schemas)) is not None and self.channels.add(*channel):
             yield channel[1]
 
     def chunk(self, at: int, body: bytes) -> Iterator[Item]:
@@ -182,7 +182,7 @@ class _Scan:
 
     def records(self, plain: bytes, at: int, pos: int = 0, *, cut: bool = False) -> Iterator[Item]:
         """Messages of a run of records from ``pos`` on, and what is wrong with it; ``cut``: it may end anywhere."""
-        end, count, lanes = len(plain), 0, self.lanes.by_number
+        end, count, channels = len(plain), 0, self.channels.by_number
         while pos + 9 <= end:
             kind, length = rec.RECORD.unpack_from(plain, pos)
             stop = pos + 9 + length
@@ -190,21 +190,21 @@ class _Scan:
                 break
             if kind == rec.MESSAGE:
                 number, _, stamp, published = rec.MESSAGE_HEAD.unpack_from(plain, pos + 9)
-                if number not in lanes:
+                if number not in channels:
                     yield from self.learn()
                 count += 1
-                lane = lanes.get(number)
-                if lane is None:
-                    self.lanes.nameless += 1
-                elif lane.wanted:
+                watched = channels.get(number)
+                if watched is None:
+                    self.channels.nameless += 1
+                elif watched.wanted:
                     data = (
                         plain[pos + 31 : stop] if length < LARGE else cast("bytes", memoryview(plain)[pos + 31 : stop])
                     )
-                    yield RawMessage(lane.channel, stamp, data, published)
+                    yield RawMessage(watched.channel, stamp, data, published)
                 else:
-                    lane.pass_over(stamp)
-                    if not self.lanes.reported:
-                        yield from self.lanes.report()
+                    watched.pass_over(stamp)
+                    if not self.channels.reported:
+                        yield from self.channels.report()
                 self.last_ns = stamp
             elif kind in {rec.SCHEMA, rec.CHANNEL}:
                 yield from self.define(kind, plain[pos + 9 : stop])
@@ -219,14 +219,14 @@ class _Scan:
             with self.file.start() as src:
                 summary = rec.read_summary(src)
             for number, channel in rec.parse_definitions(summary):
-                if number not in self.lanes.by_number and self.lanes.add(number, channel):
+                if number not in self.channels.by_number and self.channels.add(number, channel):
                     yield channel
         self.learned = True
 
     def broken(self, at: int, head: bytes, body: bytes | None) -> Generator[Item, None, bool]:
         """Framing is wrong at byte ``at``: find the next record that makes sense, or see the file as cut there."""
         if self.data_ended:
-            self.stated = None
+            self.declared = None
             yield self.report.harmless(at, f"summary is damaged at byte {at}, or cut; it is not needed")
             return False
         self.src.unread(head[1:] + (body or b""))
@@ -244,8 +244,8 @@ class _Scan:
 
     def search(self) -> bool:
         """Go to the next chunk, or message where messages stand outside chunks."""
-        if self.loose and self.lanes.by_number:
-            return self.src.find(rec.messages_like(self.lanes.by_number), rec.message_start)
+        if self.loose and self.channels.by_number:
+            return self.src.find(rec.messages_like(self.channels.by_number), rec.message_start)
         return self.src.find(rec.CHUNK_START, rec.chunk_start)
 
     def cut(self, at: int, head: bytes, body: bytes | None) -> Iterator[Item]:

@@ -60,13 +60,15 @@ class Report:
             yield self.bad_chunk
         self.bad_chunk = None
 
-    def totals(self, at: int, found: int, stated: int | None, nameless: int) -> Iterator[Damage]:
+    def totals(self, at: int, found: int, declared: int | None, nameless: int) -> Iterator[Damage]:
         """Compare messages found with those the file states; ``nameless`` of them have a channel nobody describes."""
-        whole, more = not self.hurt, (stated or 0) - found - self.counted
+        whole, more = not self.hurt, (declared or 0) - found - self.counted
         if nameless:
             yield self.lost(at, "messages of channels that nothing describes", nameless)
-        if stated is not None and stated != found and whole and not nameless:
-            what = f"file counts {stated} messages, but {found} were found"
-            yield self.lost(at, what, stated - found if stated > found else None)
+        if declared is not None and declared != found and whole and not nameless:
+            what = f"file counts {declared} messages, but {found} were found"
+            yield self.lost(at, what, declared - found if declared > found else None)
         elif more > 0 and not whole and not self.uncounted:
-            yield self.lost(at, f"file counts {stated} messages, {more} more than were found or said to be lost", more)
+            yield self.lost(
+                at, f"file counts {declared} messages, {more} more than were found or said to be lost", more
+            )

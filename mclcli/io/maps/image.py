@@ -166,7 +166,7 @@ def _raster(image: Image) -> Raster:
 
 
 def _check_bmp(data: bytes, name: str) -> None:
-    """Check the file's length, where it is stated: Pillow takes a row without its last padding bytes."""
+    """Check the file's length, where the header has it: Pillow takes a row without its last padding bytes."""
     (length,) = struct.unpack_from("<I", data, 2)
     if length > len(data):
         raise InputError(f"{name}: damaged image: cut off after {len(data)} of {length} bytes; copy it again")

@@ -41,10 +41,10 @@ class Pairing:
     reason: str
 
 
-def pair(found: LogSurvey, topic: str) -> Pairing | None:
+def pair(survey: LogSurvey, topic: str) -> Pairing | None:
     """The calibration that belongs to a topic of pixels, None if the log has none that does."""
-    frame = getattr(found.topics[topic].sample, "frame_id", "")
-    infos = {info.channel.topic: getattr(info.sample, "frame_id", "") for info in found.of_type(CAMERA_INFO)}
+    frame = getattr(survey.topics[topic].sample, "frame_id", "")
+    infos = {info.channel.topic: getattr(info.sample, "frame_id", "") for info in survey.of_type(CAMERA_INFO)}
     same = [name for name, of in infos.items() if of == frame != ""]
     names = same or [name for name in infos if _namespace(topic)[: len(_namespace(name))] == _namespace(name)]
     if not names:
@@ -55,14 +55,14 @@ def pair(found: LogSurvey, topic: str) -> Pairing | None:
     return Pairing(info, bool(says), f"{topic} through {how}")
 
 
-def is_without_calibration(found: LogSurvey, topic: str) -> bool:
+def is_without_calibration(survey: LogSurvey, topic: str) -> bool:
     """Whether a topic tells pixels, of a camera that nothing is known of."""
-    return found.topics[topic].channel.type in PIXELS and pair(found, topic) is None
+    return survey.topics[topic].channel.type in PIXELS and pair(survey, topic) is None
 
 
-def explain(found: LogSurvey, topics: Iterable[str], reasons: dict[str, str]) -> None:
+def explain(survey: LogSurvey, topics: Iterable[str], reasons: dict[str, str]) -> None:
     """Say in ``reasons['vision']`` through which calibration each topic of pixels is read."""
-    pairings = {topic: pair(found, topic) for topic in topics if found.topics[topic].channel.type in PIXELS}
+    pairings = {topic: pair(survey, topic) for topic in topics if survey.topics[topic].channel.type in PIXELS}
     if pairings:
         told = (pairing.reason if pairing else f"{topic}: {_missing(topic)}" for topic, pairing in pairings.items())
         reasons["vision"] = "; ".join(told)
@@ -89,13 +89,13 @@ class Cameras:
     ``topics`` are those of the calibrations needed. What cannot be used is counted in ``tally`` and warned of once.
     """
 
-    def __init__(self, found: LogSurvey, wanted: Iterable[str], tally: Tally) -> None:
+    def __init__(self, survey: LogSurvey, wanted: Iterable[str], tally: Tally) -> None:
         self._tally = tally
-        pixels = [topic for topic in wanted if topic in found.topics and found.topics[topic].channel.type in PIXELS]
-        self._pairings = {topic: pairing for topic in pixels if (pairing := pair(found, topic))}
+        pixels = [topic for topic in wanted if topic in survey.topics and survey.topics[topic].channel.type in PIXELS]
+        self._pairings = {topic: pairing for topic in pixels if (pairing := pair(survey, topic))}
         self._models: dict[str, deque[CameraModel]] = {}
         for pairing in self._pairings.values():
-            first = found.topics[pairing.info].sample
+            first = survey.topics[pairing.info].sample
             assert isinstance(first, CameraModel)  # noqa: S101 - goes by type
             self._models[pairing.info] = deque([first], maxlen=_KEPT)
 

@@ -49,11 +49,11 @@ def read_checked(source: str) -> tuple[Trajectory, bool]:
     if not Path(log).exists():
         raise UsageError(f"{log}: no such file; LOG:TOPIC names a topic of a log, FILE a TUM or CSV file")
     recording = open_recording(log)
-    stated = Stated(where, recording.found, recording.roles().base_frame)
-    for topic, record in recording.events(stated.topics):
-        stated.take(topic, record)
+    poses = RecordedPoses(where, recording.survey, recording.roles().base_frame)
+    for topic, record in recording.events(poses.topics):
+        poses.take(topic, record)
     try:
-        return stated.trajectory(), recording.tally.lossy
+        return poses.trajectory(), recording.tally.lossy
     except InputError as error:
         raise InputError(f"{log}: {error}") from None
 
@@ -70,22 +70,22 @@ def split_source(source: str) -> tuple[str, str]:
 
 
 @final
-class Stated:
+class RecordedPoses:
     """Poses of one topic, or of ``child`` in a frame (``tf:FRAME``), collected while a log goes by.
 
     ``topics`` are those whose messages it needs.
     """
 
-    def __init__(self, source: str, found: LogSurvey, child: str) -> None:
+    def __init__(self, source: str, survey: LogSurvey, child: str) -> None:
         self._source, self._child = source, child
         self._frame = source.removeprefix(_TF).lstrip("/") if source.startswith(_TF) else ""
         if self._frame:
-            _check_frames(found, self._frame, child)
+            _check_frames(survey, self._frame, child)
         else:
-            _check_topic(found, source)
-        self.topics = frozenset(found.transform_topics if self._frame else (source,))
-        self._tree: TransformTree = found.frames.replayed()
-        self._stated_in = ""
+            _check_topic(survey, source)
+        self.topics = frozenset(survey.transform_topics if self._frame else (source,))
+        self._tree: TransformTree = survey.frames.replayed()
+        self._frame_of_poses = ""
         self._stamps, self._poses, self._covariances = array("q"), array("d"), array("d")
 
     def take(self, topic: str, record: object) -> None:
@@ -95,7 +95,7 @@ class Stated:
         if isinstance(record, tuple):
             self._take_transforms(record)
         elif isinstance(record, Odometry | StampedPose):
-            self._stated_in = self._stated_in or record.frame_id
+            self._frame_of_poses = self._frame_of_poses or record.frame_id
             covariance = record.covariance if isinstance(record, StampedPose) else None
             self._append(record.stamp_ns, record.pose, covariance)
 
@@ -110,8 +110,10 @@ class Stated:
         """
         if not self._stamps:
             raise InputError(f"'{self._source}' states no pose that can be used; name another topic")
-        if self._stated_in not in {"", "map"}:
-            logging.getLogger("mclcli").info("%s: in frame '%s', taken for the map's", self._source, self._stated_in)
+        if self._frame_of_poses not in {"", "map"}:
+            logging.getLogger("mclcli").info(
+                "%s: in frame '%s', taken for the map's", self._source, self._frame_of_poses
+            )
         stamps = np.array(self._stamps, dtype=np.int64)
         complete = len(self._covariances) == 9 * stamps.size
         spread = np.array(self._covariances, dtype=np.float64).reshape(-1, 3, 3) if complete else None
@@ -138,10 +140,10 @@ class Stated:
             self._tree.forget_before(stamp_ns)
 
 
-def _check_topic(found: LogSurvey, name: str) -> None:
-    topic = found.topics.get(name)
+def _check_topic(survey: LogSurvey, name: str) -> None:
+    topic = survey.topics.get(name)
     if topic is None:
-        hint = nearest_name(name, list(found.topics)) or f"; it has {', '.join(sorted(found.topics)) or 'none'}"
+        hint = nearest_name(name, list(survey.topics)) or f"; it has {', '.join(sorted(survey.topics)) or 'none'}"
         raise UsageError(f"no topic '{name}' in the log{hint}")
     if topic.sample is None and topic.problem:
         raise InputError(f"topic '{name}': {topic.problem}; name another topic")
@@ -149,10 +151,10 @@ def _check_topic(found: LogSurvey, name: str) -> None:
         raise UsageError(f"topic '{name}' of type {topic.channel.type} states no poses; name one that does")
 
 
-def _check_frames(found: LogSurvey, frame: str, child: str) -> None:
-    frames = found.frames.frames
-    if frame not in frames or not found.frames.connected(frame, child):
+def _check_frames(survey: LogSurvey, frame: str, child: str) -> None:
+    frames = survey.frames.frames
+    if frame not in frames or not survey.frames.connected(frame, child):
         names = ", ".join(frames) or "none"
         raise UsageError(f"tf:{frame}: no transform joins '{frame}' and '{child}'; frames in the log: {names}")
-    if not found.frames.moves_between(frame, child):
+    if not survey.frames.moves_between(frame, child):
         raise InputError(f"tf:{frame}: '{child}' never moves in '{frame}': nothing localized the robot in this log")

@@ -10,8 +10,8 @@ from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Tally
 from mclcli.io.messages.decoding import Undecodable, decode
 from mclcli.io.recording.cameras import Cameras
-from mclcli.io.recording.roles import Roles, Wishes, assign
-from mclcli.io.recording.survey import LogSurvey, survey
+from mclcli.io.recording.roles import RequestedRoles, Roles, assign
+from mclcli.io.recording.survey import LogSurvey, survey_log
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -54,14 +54,14 @@ class Recording:
         self._rest: Iterator[RawMessage] = iter(())
         if log.seekable or whole:
             messages = log.messages(None, self.tally, strict=strict)
-            self.found = survey(diagnosis.watch(messages) if diagnosis else messages)
+            self.survey = survey_log(diagnosis.watch(messages) if diagnosis else messages)
         else:
             self._rest = log.messages(None, self.tally, strict=strict)
-            self.found = self._look_ahead()
+            self.survey = self._look_ahead()
 
-    def roles(self, wishes: Wishes | None = None) -> Roles:
+    def roles(self, requested: RequestedRoles | None = None) -> Roles:
         """Which topic plays which part; see ``mclcli.io.recording.roles.assign``."""
-        return assign(self.found, wishes or Wishes())
+        return assign(self.survey, requested or RequestedRoles())
 
     def events(self, topics: Iterable[str]) -> Iterator[tuple[str, object]]:
         """Decoded messages of some topics, (topic, record), in log-time order; those that cannot be are counted.
@@ -69,7 +69,7 @@ class Recording:
         Landmarks found in images come as rays: calibrations of their cameras are read along with them.
         """
         wanted = frozenset(topics)
-        cameras = Cameras(self.found, wanted, self.tally)
+        cameras = Cameras(self.survey, wanted, self.tally)
         for message in self._messages(wanted | cameras.topics):
             record = decode(message, self.tally)
             if isinstance(record, Undecodable):
@@ -81,7 +81,7 @@ class Recording:
     @property
     def first_ns(self) -> int:
         """Log time of the first message, 0 for an empty log."""
-        return (self.found.span_ns or (0, 0))[0]
+        return (self.survey.span_ns or (0, 0))[0]
 
     def raw(self, topic: str) -> Iterator[RawMessage]:
         """Messages of one topic as recorded."""
@@ -99,12 +99,12 @@ class Recording:
         return (message for message in chain(self._head, self._rest) if message.channel.topic in wanted)
 
     def _look_ahead(self) -> LogSurvey:
-        found, size = LogSurvey(complete=False), 0
+        survey, size = LogSurvey(complete=False), 0
         for message in self._rest:
             self._head.append(message)
-            found.add(message)
+            survey.add(message)
             size += len(message.data)
-            span = found.span_ns
+            span = survey.span_ns
             if size > _HEAD_BYTES or (span and span[1] - span[0] > _HEAD_NS):
                 break
-        return found
+        return survey

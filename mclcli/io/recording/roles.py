@@ -51,7 +51,7 @@ class Roles:
 
 @final
 @dataclass(frozen=True, slots=True)
-class Wishes:
+class RequestedRoles:
     """What the user named; everything else is found."""
 
     scan: tuple[str, ...] = ()
@@ -63,7 +63,7 @@ class Wishes:
     map_frame: str = "map"
 
 
-def assign(found: LogSurvey, wishes: Wishes = Wishes()) -> Roles:
+def assign(survey: LogSurvey, requested: RequestedRoles = RequestedRoles()) -> Roles:
     """Give out the roles.
 
     Raises
@@ -73,33 +73,33 @@ def assign(found: LogSurvey, wishes: Wishes = Wishes()) -> Roles:
 
     """
     reasons: dict[str, str] = {}
-    scan = wishes.scan or _nearest_to("scan", found.of_type(*SCAN), "laser scan", reasons, "scan")
-    odometry = wishes.odometry or _find_odometry(found, wishes, reasons)
-    vision = wishes.vision or _find_vision(found)
+    scan = requested.scan or _nearest_to("scan", survey.of_type(*SCAN), "laser scan", reasons, "scan")
+    odometry = requested.odometry or _find_odometry(survey, requested, reasons)
+    vision = requested.vision or _find_vision(survey)
     named = () if odometry in {"", TF} else (odometry,)
-    mapped = (wishes.map,) if wishes.map else ()
+    mapped = (requested.map,) if requested.map else ()
     for names, types in ((scan, SCAN), (vision, SIGHTINGS), (named, ODOMETRY), (mapped, MAP)):
         for name in names:
-            _check(found, name, types)
-    cameras.explain(found, vision, reasons)
-    base, odom = _frames(found, odometry, wishes)
+            _check(survey, name, types)
+    cameras.explain(survey, vision, reasons)
+    base, odom = _frames(survey, odometry, requested)
     return Roles(
         scan=scan,
         odometry=odometry,
         vision=vision,
-        truth=_find_truth(found, reasons),
-        map=wishes.map or _first(found.of_type(*MAP)),
+        truth=_find_truth(survey, reasons),
+        map=requested.map or _first(survey.of_type(*MAP)),
         odom_frame=odom,
         base_frame=base,
         reasons=reasons,
     )
 
 
-def initialpose(found: LogSurvey) -> str:
+def initialpose(survey: LogSurvey) -> str:
     """Topic on which an operator told the robot where it was, empty if there is none; the shortest of several names."""
-    names = [topic.channel.topic for topic in found.of_type("geometry_msgs/msg/PoseWithCovarianceStamped")]
-    stated = sorted(name for name in names if name.rpartition("/")[2] == "initialpose")
-    return min(stated, key=len, default="")
+    names = [topic.channel.topic for topic in survey.of_type("geometry_msgs/msg/PoseWithCovarianceStamped")]
+    topics = sorted(name for name in names if name.rpartition("/")[2] == "initialpose")
+    return min(topics, key=len, default="")
 
 
 def is_truth(topic: str) -> bool:
@@ -120,25 +120,25 @@ def _nearest_to(word: str, topics: list[TopicSurvey], what: str, reasons: dict[s
     return (best,)
 
 
-def _find_odometry(found: LogSurvey, wishes: Wishes, reasons: dict[str, str]) -> str:
-    topics = [topic for topic in found.of_type(*ODOMETRY) if not is_truth(topic.channel.topic)]
+def _find_odometry(survey: LogSurvey, requested: RequestedRoles, reasons: dict[str, str]) -> str:
+    topics = [topic for topic in survey.of_type(*ODOMETRY) if not is_truth(topic.channel.topic)]
     if topics:
         return _nearest_to("odom", topics, "odometry", reasons, "odometry")[0]
-    base = _base_frame(found, wishes, None)
-    if _odom_ancestor(found, base, wishes):
+    base = _base_frame(survey, requested, None)
+    if _odom_ancestor(survey, base, requested):
         reasons["odometry"] = "transforms above the base (no odometry topic)"
         return TF
     return ""
 
 
-def _find_vision(found: LogSurvey) -> tuple[str, ...]:
+def _find_vision(survey: LogSurvey) -> tuple[str, ...]:
     """Every topic with landmarks; last those whose camera is not known: the first one may have to trigger updates."""
-    names = [topic.channel.topic for topic in found.of_type(*SIGHTINGS)]
-    return tuple(sorted(names, key=lambda name: cameras.is_without_calibration(found, name)))
+    names = [topic.channel.topic for topic in survey.of_type(*SIGHTINGS)]
+    return tuple(sorted(names, key=lambda name: cameras.is_without_calibration(survey, name)))
 
 
-def _find_truth(found: LogSurvey, reasons: dict[str, str]) -> str:
-    named = [t for t in found.of_type(*POSES, *ODOMETRY) if is_truth(t.channel.topic)]
+def _find_truth(survey: LogSurvey, reasons: dict[str, str]) -> str:
+    named = [t for t in survey.of_type(*POSES, *ODOMETRY) if is_truth(t.channel.topic)]
     if named:
         reasons["truth"] = "named like a reference; never an input"
     return _first(named)
@@ -148,11 +148,11 @@ def _first(topics: list[TopicSurvey]) -> str:
     return topics[0].channel.topic if topics else ""
 
 
-def _check(found: LogSurvey, name: str, types: tuple[str, ...]) -> None:
-    topic = found.topics.get(name)
+def _check(survey: LogSurvey, name: str, types: tuple[str, ...]) -> None:
+    topic = survey.topics.get(name)
     if topic is None:
-        names = ", ".join(sorted(found.topics)) or "none"
-        raise UsageError(f"no topic '{name}' in the log{nearest_name(name, list(found.topics))}; it has {names}")
+        names = ", ".join(sorted(survey.topics)) or "none"
+        raise UsageError(f"no topic '{name}' in the log{nearest_name(name, list(survey.topics))}; it has {names}")
     if topic.sample is None:
         problem = topic.problem or f"mcl cannot use messages of type {topic.channel.type}"
         raise UsageError(f"topic '{name}': {problem}; name another topic")
@@ -161,35 +161,35 @@ def _check(found: LogSurvey, name: str, types: tuple[str, ...]) -> None:
         raise UsageError(f"topic '{name}': not of type {' or '.join(types)}; {hint}")
 
 
-def _frames(found: LogSurvey, odometry: str, wishes: Wishes) -> tuple[str, str]:
-    sample = found.topics[odometry].sample if odometry in found.topics else None
+def _frames(survey: LogSurvey, odometry: str, requested: RequestedRoles) -> tuple[str, str]:
+    sample = survey.topics[odometry].sample if odometry in survey.topics else None
     if sample is not None and not isinstance(sample, Odometry):
         raise UsageError(f"topic '{odometry}': not of type nav_msgs/msg/Odometry; give --odom another topic, or tf")
-    base = _base_frame(found, wishes, sample)
+    base = _base_frame(survey, requested, sample)
     if sample is not None:
-        return base, wishes.odom_frame or sample.frame_id or "odom"
-    return base, (_odom_ancestor(found, base, wishes) if odometry == TF else "") or "odom"
+        return base, requested.odom_frame or sample.frame_id or "odom"
+    return base, (_odom_ancestor(survey, base, requested) if odometry == TF else "") or "odom"
 
 
-def _base_frame(found: LogSurvey, wishes: Wishes, odometry: Odometry | None) -> str:
+def _base_frame(survey: LogSurvey, requested: RequestedRoles, odometry: Odometry | None) -> str:
     """The frame asked for, else odometry's child, else base_link, else base_footprint."""
-    frames = found.frames.frames
-    if wishes.base_frame:
-        return wishes.base_frame
+    frames = survey.frames.frames
+    if requested.base_frame:
+        return requested.base_frame
     if odometry is not None and odometry.child_frame_id:
         return odometry.child_frame_id
     return next((name for name in ("base_link", "base_footprint") if name in frames), "base_link")
 
 
-def _odom_ancestor(found: LogSurvey, base: str, wishes: Wishes) -> str:
+def _odom_ancestor(survey: LogSurvey, base: str, requested: RequestedRoles) -> str:
     """The frame above the base that odometry is told in: ``odom``, else the highest moving one below ``map``."""
-    chain = found.frames.ancestors(base)
-    if wishes.odom_frame:
-        if wishes.odom_frame not in chain:
+    chain = survey.frames.ancestors(base)
+    if requested.odom_frame:
+        if requested.odom_frame not in chain:
             raise InputError(
-                f"frame '{wishes.odom_frame}' is not above '{base}'; frames: {', '.join(found.frames.frames)}"
+                f"frame '{requested.odom_frame}' is not above '{base}'; frames: {', '.join(survey.frames.frames)}"
             )
-        return wishes.odom_frame
-    maps = {"map", "world", wishes.map_frame}
-    above = [p for f in chain if (p := found.frames.parent(f)) and found.frames.moves(f) and p not in maps]
+        return requested.odom_frame
+    maps = {"map", "world", requested.map_frame}
+    above = [p for f in chain if (p := survey.frames.parent(f)) and survey.frames.moves(f) and p not in maps]
     return next((frame for frame in above if "odom" in frame), above[-1] if above else "")

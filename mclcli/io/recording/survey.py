@@ -99,7 +99,7 @@ class LogSurvey:
                 self.statics[transform.child] = transform
 
 
-def survey(messages: Iterable[RawMessage]) -> LogSurvey:
+def survey_log(messages: Iterable[RawMessage]) -> LogSurvey:
     """Look through these messages."""
     result = LogSurvey()
     for message in messages:

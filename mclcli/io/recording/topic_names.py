@@ -14,7 +14,7 @@ _TYPES = {"scan_topic": SCAN, "map_topic": MAP}
 _PLACEHOLDER = "<robot_namespace>"  # nav2's launch files put the robot's namespace there
 
 
-def find(found: LogSurvey, parameter: str, name: str, namespace: str = "") -> str:
+def find(survey: LogSurvey, parameter: str, name: str, namespace: str = "") -> str:
     """The topic or frame of a log that ``scan_topic``, ``map_topic``, ``base_frame_id`` or ``odom_frame_id`` means.
 
     Names are relative to the robot's namespace; whether the log was recorded with it is not known, so both are tried,
@@ -23,13 +23,13 @@ def find(found: LogSurvey, parameter: str, name: str, namespace: str = "") -> st
     plain = name.replace(_PLACEHOLDER, namespace).strip("/")
     spellings = [f"{namespace.strip('/')}/{plain}".strip("/"), plain]
     if parameter in _TYPES:
-        return _find_topic(found, _TYPES[parameter], spellings, absolute=name.startswith("/"))
-    known = _frames(found) if parameter == "base_frame_id" else _odometry_frames(found)
+        return _find_topic(survey, _TYPES[parameter], spellings, absolute=name.startswith("/"))
+    known = _frames(survey) if parameter == "base_frame_id" else _odometry_frames(survey)
     return next((frame for frame in reversed(spellings) if frame in known), "")
 
 
-def _find_topic(found: LogSurvey, types: tuple[str, ...], spellings: list[str], *, absolute: bool) -> str:
-    topics = {topic.channel.topic.strip("/"): topic.channel.topic for topic in found.of_type(*types)}
+def _find_topic(survey: LogSurvey, types: tuple[str, ...], spellings: list[str], *, absolute: bool) -> str:
+    topics = {topic.channel.topic.strip("/"): topic.channel.topic for topic in survey.of_type(*types)}
     for spelling in reversed(spellings) if absolute else spellings:
         if spelling in topics:
             return topics[spelling]
@@ -37,16 +37,16 @@ def _find_topic(found: LogSurvey, types: tuple[str, ...], spellings: list[str], 
     return ending[0] if len(ending) == 1 else ""
 
 
-def _odometry(found: LogSurvey) -> list[Odometry]:
-    return [topic.sample for topic in found.topics.values() if isinstance(topic.sample, Odometry)]
+def _odometry(survey: LogSurvey) -> list[Odometry]:
+    return [topic.sample for topic in survey.topics.values() if isinstance(topic.sample, Odometry)]
 
 
-def _frames(found: LogSurvey) -> set[str]:
-    return {*found.frames.frames, *(frame for o in _odometry(found) for frame in (o.frame_id, o.child_frame_id))}
+def _frames(survey: LogSurvey) -> set[str]:
+    return {*survey.frames.frames, *(frame for o in _odometry(survey) for frame in (o.frame_id, o.child_frame_id))}
 
 
-def _odometry_frames(found: LogSurvey) -> set[str]:
+def _odometry_frames(survey: LogSurvey) -> set[str]:
     """Frames that odometry is told in, or could be: those above a moving frame."""
-    tree = found.frames
+    tree = survey.frames
     above = {tree.parent(frame) or "" for frame in tree.frames if tree.moves(frame)}
-    return {*(o.frame_id for o in _odometry(found)), *above} - {""}
+    return {*(o.frame_id for o in _odometry(survey)), *above} - {""}

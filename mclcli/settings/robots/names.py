@@ -50,8 +50,8 @@ class Name:
     @property
     def kind(self) -> type[Value]:
         """Type of its values."""
-        stated = self.beluga if self.nav2 is None else self.nav2
-        return str if stated is None else type(stated)
+        default = self.beluga if self.nav2 is None else self.nav2
+        return str if default is None else type(default)
 
 
 def _same(name: str, default: Value, note: str = "", models: tuple[str, ...] = (), low: float | None = None) -> Name:
@@ -137,11 +137,11 @@ TABLE: tuple[Name, ...] = (
     _same("update_min_d", 0.25),
     _same("update_min_a", 0.2),
     # Frames and topics
-    Name("base_frame_id", "base_footprint", "base_footprint", "base_frame_id", "a wish: used if the log has it"),
-    Name("odom_frame_id", "odom", "odom", "odom_frame_id", "a wish: used if the log has it"),
+    Name("base_frame_id", "base_footprint", "base_footprint", "base_frame_id", "used if the log has it"),
+    Name("odom_frame_id", "odom", "odom", "odom_frame_id", "used if the log has it"),
     _same("global_frame_id", "map", "parent of the transform to the odometry in an MCAP trace"),
-    Name("scan_topic", "scan", "", "scan_topic", "a wish: used if the log has it; `--scan` goes before"),
-    Name("map_topic", "map", "map", "map_topic", "a wish: used if the log has it; `--map` goes before"),
+    Name("scan_topic", "scan", "", "scan_topic", "used if the log has it; `--scan` goes before"),
+    Name("map_topic", "map", "map", "map_topic", "used if the log has it; `--map` goes before"),
     Name("point_cloud_topic", None, "", NOTHING, "mcl reads laser scans; set, there is a warning", only=True),
     # Start
     Name("set_initial_pose", False, False, START, _POSE),

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 DEFAULT_MODEL = "likelihood_field"  # as in nav2_amcl and Beluga
 PROFILES = {"nav2_amcl": "nav2", "Beluga": "beluga"}
-_WISHES = ("base_frame_id", "odom_frame_id", "scan_topic", "map_topic")
+_TENTATIVE = ("base_frame_id", "odom_frame_id", "scan_topic", "map_topic")
 
 
 @final
@@ -34,9 +34,9 @@ class FileParameters:
     """What a file says.
 
     ``dialect`` is ``mcl``, ``nav2_amcl`` or ``Beluga``. ``profile`` and ``model`` are those it asks for, None if it
-    does not. ``values`` are mcl's parameters by name. ``wishes`` name those of them that count only where the log has
-    such a frame or topic; ``namespace`` is where the robot's topics are. ``as_read`` are the node's parameters by their
-    own names. ``remarks`` and ``warnings`` are lines for the user.
+    does not. ``values`` are mcl's parameters by name. ``tentative`` name those of them that count only where the
+    log has such a frame or topic; ``namespace`` is where the robot's topics are. ``as_read`` are the node's
+    parameters by their own names. ``remarks`` and ``warnings`` are lines for the user.
     """
 
     name: str
@@ -44,7 +44,7 @@ class FileParameters:
     profile: str | None
     model: str | None
     values: dict[str, names.Value]
-    wishes: frozenset[str] = frozenset()
+    tentative: frozenset[str] = frozenset()
     namespace: str = ""
     start: InitialPose | None = None
     as_read: dict[str, names.Value] = field(default_factory=dict)
@@ -136,7 +136,7 @@ def from_node(
         profile=profile_found,
         model=chosen,
         values={**values, **extra.values},
-        wishes=frozenset(key for key in _WISHES if key in values and key not in extra.values),
+        tentative=frozenset(key for key in _TENTATIVE if key in values and key not in extra.values),
         namespace=node.name.rpartition("/")[0],
         start=initial_pose(name, dialect, as_read),
         as_read=as_read,

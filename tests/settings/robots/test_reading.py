@@ -61,7 +61,7 @@ def test_a_whole_robots_file(tmp_path: Path) -> None:
         "z_hit": 0.7,
         "scan_topic": "scan",
     }
-    assert file.wishes == {"base_frame_id", "odom_frame_id", "scan_topic"}
+    assert file.tentative == {"base_frame_id", "odom_frame_id", "scan_topic"}
     assert file.start is not None
     assert file.start.pose.tolist() == [1.5, -2.0, 0.5]
     assert not file.start.covariance.any()

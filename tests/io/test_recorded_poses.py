@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.recording.recorded_poses import Stated, read_trajectory, split_source
+from mclcli.io.recording.recorded_poses import RecordedPoses, read_trajectory, split_source
 from mclcli.io.recording.recording import open_recording
 from tests.cli.support import OFFICE, SAMPLES, START_NS, made, write_mcap
 
@@ -118,7 +118,7 @@ def test_the_samples_truth_is_the_same_from_log_and_file() -> None:
 )
 def test_what_states_no_poses_is_refused_by_name(where: str, kind: type[Exception], message: str) -> None:
     with pytest.raises(kind) as caught:
-        Stated(where, open_recording(OFFICE).found, "base_link")
+        RecordedPoses(where, open_recording(OFFICE).survey, "base_link")
     assert message in str(caught.value)
 
 

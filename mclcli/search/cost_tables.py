@@ -48,7 +48,7 @@ class Plane:
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class Costs:
+class CostTables:
     """Planes of the two levels whose nodes are bounded in rows, and ``leaves`` of the poses themselves.
 
     A cost c stands for the bound ``perfect − step·c`` [nats]; none is higher than ``most``. ``table`` (256,) is the
@@ -98,7 +98,7 @@ class Nodes:
     mass: float
 
 
-def lay_out(field: DistanceField, pyramid: Pyramid, lattice: Lattice, log_p: FloatArray) -> Costs:
+def lay_out(field: DistanceField, pyramid: Pyramid, lattice: Lattice, log_p: FloatArray) -> CostTables:
     """Costs for a scan; ``log_p`` (L + 1,) is the value [nats] of every level of the field, and of off the map.
 
     Raises
@@ -121,7 +121,7 @@ def lay_out(field: DistanceField, pyramid: Pyramid, lattice: Lattice, log_p: Flo
     coarse = _nodes(pyramid, COARSE, groups, cost(table), places)
     fine = _nodes(pyramid, FINE, ends, cost(table), places)
     leaves = _leaves(field, ends, cost(log_p), places)
-    return Costs(coarse, fine, leaves, table, float(table[0]) * beams + slip, step, most * beams)
+    return CostTables(coarse, fine, leaves, table, float(table[0]) * beams + slip, step, most * beams)
 
 
 def _nodes(pyramid: Pyramid, level: int, ends: NDArray[np.int32], cost: NDArray[np.uint8], places: Places) -> Plane:
