@@ -25,7 +25,7 @@ COMMANDS = {
     "recover": "Save every whole message of a damaged log into a clean MCAP.",
     "params": "Print every parameter with its effective value and meaning.",
 }
-
+_HELP = "Explain a command: `mcl help run` is `mcl run --help`."
 
 _PACKAGES = {"run", "eval", "locate", "score"}
 
@@ -41,6 +41,12 @@ def load_command(name: str) -> click.Command:
 
 class _LazyGroup(click.Group):
     """Imports a subcommand's module only when that subcommand is called."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Words after ``mcl``, with ``help [COMMAND]`` read as ``[COMMAND] --help``."""
+        if args[:1] == ["help"]:
+            return self.parse_args(ctx, [*args[1:], "--help"])
+        return super().parse_args(ctx, args)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names of all subcommands, in the order of the help."""
@@ -61,7 +67,7 @@ class _LazyGroup(click.Group):
         if args and args[0] not in COMMANDS:
             from mclcli.errors import nearest_name
 
-            hint = nearest_name(args[0], list(COMMANDS)) or "; `mcl --help` lists the commands"
+            hint = nearest_name(args[0], [*COMMANDS, "help"]) or "; `mcl --help` lists the commands"
             raise click.UsageError(f"no command '{args[0]}'{hint}")
         return super().resolve_command(ctx, args)
 
@@ -69,11 +75,11 @@ class _LazyGroup(click.Group):
         """List the subcommands in the help without importing any."""
         del ctx
         with formatter.section("Commands"):
-            formatter.write_dl(list(COMMANDS.items()))
+            formatter.write_dl([*COMMANDS.items(), ("help", _HELP)])
 
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})
-@click.version_option(__version__, prog_name="mcl")
+@click.version_option(__version__, "-V", "--version", prog_name="mcl")
 def group() -> None:
     """Replay a robot's recorded log through Monte Carlo Localization: offline, repeatable, every weight visible."""
 

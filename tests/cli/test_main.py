@@ -29,10 +29,27 @@ def test_help_lists_the_commands() -> None:
     text = " ".join(result.out.decode().split())
     for name, what in COMMANDS.items():
         assert f"{name} {what}" in text
+    assert "help Explain a command" in text
 
 
-def test_version() -> None:
-    result = mcl("--version")
+@pytest.mark.parametrize("words", [[], ["run"], ["params"]])
+def test_help_as_a_command(words: list[str]) -> None:
+    asked, option = mcl("help", *words), mcl(*words, "--help")
+    assert (asked.code, asked.err, asked.out) == (0, "", option.out)
+
+
+def test_help_on_help() -> None:
+    assert mcl("help", "help").out == mcl("help", "--help").out == mcl("--help").out
+
+
+def test_help_names_the_nearest_command() -> None:
+    assert "did you mean 'score'?" in single_error(mcl("help", "scor"), 2)
+    assert "did you mean 'help'?" in single_error(mcl("hlep"), 2)
+
+
+@pytest.mark.parametrize("flag", ["--version", "-V"])
+def test_version(flag: str) -> None:
+    result = mcl(flag)
     assert result.code == 0
     assert __version__ in result.out.decode()
 
