@@ -1,8 +1,6 @@
-"""Makes docs/cli.md, docs/parameters.md and the table in docs/nav2.md from the program itself.
+"""Makes the pages of PAGES below, and the tables in some of them, from the program itself.
 
-With --check, says whether they are up to date.
-
-Also checks that every relative link in README and docs leads somewhere.
+With --check, says whether they are up to date, and whether every relative link in README and docs leads somewhere.
 """
 
 from __future__ import annotations
@@ -11,6 +9,7 @@ import re
 import sys
 from pathlib import Path
 
+import api_page
 from click.testing import CliRunner
 
 from mclcli.cli import COMMANDS, group
@@ -66,9 +65,9 @@ def _profile_table() -> list[str]:
         f"| parameter | model | {' | '.join(profiles.PROFILES)} |",
         f"|---|---|{'---|' * len(profiles.PROFILES)}",
     ]
-    for (name, *values), models in rows.items():
+    for (name, *shown), models in rows.items():
         where = "all" if len(models) == len(profiles.MODELS) else ", ".join(models)
-        lines.append(f"| `{name}` | {where} | {' | '.join(values)} |")
+        lines.append(f"| `{name}` | {where} | {' | '.join(shown)} |")
     return lines
 
 
@@ -116,7 +115,12 @@ def _more(row: names.Name) -> str:
     return "; ".join(said)
 
 
-PAGES = {"docs/cli.md": cli_reference, "docs/parameters.md": parameter_reference, "docs/nav2.md": nav2_page}
+PAGES = {
+    "docs/api.md": api_page.page,
+    "docs/cli.md": cli_reference,
+    "docs/parameters.md": parameter_reference,
+    "docs/nav2.md": nav2_page,
+}
 
 
 def stale_pages() -> list[str]:

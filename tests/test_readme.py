@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import shlex
 import subprocess
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+import mclcli
 from mclcli.cli import COMMANDS, load_command
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -53,6 +55,23 @@ def test_the_commands_use_options_that_exist() -> None:
 
 def test_the_table_of_commands_is_complete() -> None:
     assert set(re.findall(r"^\| `mcl (\w+)", README, re.MULTILINE)) == set(COMMANDS)
+
+
+def test_the_page_of_the_library_is_complete() -> None:
+    page = (ROOT / "docs/api.md").read_text(encoding="utf-8")
+    described = set(re.findall(r"^### (\w+)$", page, re.MULTILINE))
+    assert set(mclcli.__all__) - described == {"__version__"}
+    assert "0x" not in page  # an address, other in every process
+
+
+@pytest.mark.parametrize("name", sorted(set(mclcli.__all__) - {"__version__"}))
+def test_docstrings_name_parameters_that_exist(name: str) -> None:
+    thing = getattr(mclcli, name)
+    text = inspect.getdoc(thing) or ""
+    section = re.search(r"^Parameters\n-+\n(.*?)(?:\n\n|\Z)", text, re.MULTILINE | re.DOTALL)
+    if section:
+        named = re.findall(r"^\w+(?:, \w+)*$", section[1], re.MULTILINE)
+        assert [word for line in named for word in line.split(", ")] == list(inspect.signature(thing).parameters)
 
 
 def test_the_documentation_is_up_to_date() -> None:

@@ -62,7 +62,7 @@ def prepare(
 
     Parameters
     ----------
-    found, roles
+    survey, roles
         What is in the log and who does what; see ``mclcli.open_recording``.
     grid
         The map; the lidar takes part only if there is one.
@@ -76,7 +76,7 @@ def prepare(
         Seed of every random stream.
     temperature
         α in (0, 1], ``auto`` or ``ess`` by sensor (``lidar``, ``vision_2``…); the name '' stands for all others. What
-        is not named has the profile's own: in textbook 0.5 for lidars and 0.15 for vision.
+        is not named has the profile's own: in textbook ``auto`` for lidars and 0.15 for vision.
     mounts
         ``base_from_sensor`` (4, 4) by frame, instead of the log's transforms; the frame '' stands for any.
     window_ns
