@@ -115,11 +115,30 @@ def _more(row: names.Name) -> str:
     return "; ".join(said)
 
 
+def decisions_index() -> str:
+    """Every decision in a line: its title, and what it says of its own status."""
+    lines = [
+        "# Decisions\n",
+        "Why things are as they are, in the order in which it was decided. A decision that a later one replaces or",
+        "changes says so at its top; all others are in force. A new one takes the next number, and says what the",
+        "matter was (*context*), what was chosen, and what follows from it. This page is made by docs/build.py.\n",
+        "| | decision | status |",
+        "|---|---|---|",
+    ]
+    for path in sorted((ROOT / "docs/decisions").glob("[0-9]*.md")):
+        text = path.read_text()
+        number, _, title = text.partition("\n")[0].removeprefix("# ").partition(". ")
+        status = re.search(r"^\*\*Status\.\*\* (.*?)$", text, re.MULTILINE)
+        lines.append(f"| {number} | [{title}]({path.name}) | {status[1] if status else 'in force'} |")
+    return "\n".join(lines) + "\n"
+
+
 PAGES = {
     "docs/api.md": api_page.page,
     "docs/cli.md": cli_reference,
     "docs/parameters.md": parameter_reference,
     "docs/nav2.md": nav2_page,
+    "docs/decisions/README.md": decisions_index,
 }
 
 
