@@ -7,7 +7,7 @@ import datetime as dt
 import json
 import shlex
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, final
 
 import click
 
@@ -23,12 +23,21 @@ if TYPE_CHECKING:
 DAMAGED = 3
 
 
+@final
+@dataclasses.dataclass(frozen=True, slots=True)
+class InfoOptions:
+    """What ``mcl info`` is asked for."""
+
+    logs: tuple[str, ...]
+    as_json: bool
+
+
 @click.command("info", short_help="What a log holds, which topic plays which part, and how to run it.")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
-@options.threads
 @options.common
-def command(logs: tuple[str, ...], as_json: bool, **_: Any) -> int:
+@options.into(InfoOptions)
+def command(info: InfoOptions) -> int:
     """Topics by role and why, counts, rates, laser geometry, frames, and the `mcl run` line.
 
     And what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
@@ -38,11 +47,11 @@ def command(logs: tuple[str, ...], as_json: bool, **_: Any) -> int:
     from mclcli.io.recording.diagnosis import Diagnosis
     from mclcli.io.recording.recording import Recording
 
-    stdin, diagnosis = sys.stdin.buffer if "-" in logs else None, Diagnosis()
-    recording = Recording(open_log(logs, stdin=stdin), whole=True, diagnosis=diagnosis)
+    stdin, diagnosis = sys.stdin.buffer if "-" in info.logs else None, Diagnosis()
+    recording = Recording(open_log(info.logs, stdin=stdin), whole=True, diagnosis=diagnosis)
     parts = roles.assign(recording.survey, roles.RequestedRoles())
-    facts = describe(recording, diagnosis, parts, logs)
-    click.echo(json.dumps(facts, indent=2) if as_json else "\n".join(_lines(facts)))
+    facts = describe(recording, diagnosis, parts, info.logs)
+    click.echo(json.dumps(facts, indent=2) if info.as_json else "\n".join(_lines(facts)))
     return DAMAGED if recording.tally.lossy else 0
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -14,11 +14,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.arrays import BoolArray, FloatArray, IntArray
+    from mclcli.evaluate import Method
     from mclcli.geometry.trajectory import Trajectory
 
     Pick = tuple[NDArray[np.intp], FloatArray]
-
-Method = Literal["interpolate", "nearest"]
 
 
 @final

@@ -25,6 +25,7 @@ from mclcli.sensors.endpoints import Anchoring
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.sensors import Temperature
     from mclcli.sensors.beams import Beams
     from mclcli.world.distance_field import Codes, DistanceField
 
@@ -104,7 +105,7 @@ class LikelihoodField:
     threads: int = 1
     _tables: dict[float, FloatArray] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
-    def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
+    def measure(self, sensor: str, beams: Beams, alpha: Temperature = 1.0) -> Measurement:
         """Measurement that scores poses against these beams."""
         table = self.table(beams.r_max)
         peak, floor = (float(term) * beams.ranges.size for term in (table[0], table.min()))

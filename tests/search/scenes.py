@@ -21,6 +21,7 @@ from mclcli.world.raycast import make_caster
 if TYPE_CHECKING:
     from mclcli.arrays import BoolArray, FloatArray
     from mclcli.replay.finder import GlobalSearch, Limits
+    from mclcli.sensors import Temperature
     from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
 
@@ -73,7 +74,7 @@ def finder_for(
     settings: Settings | None = None,
     limits: Limits | None = None,
     landmarks: Landmarks | None = None,
-    alpha: float | str = "auto",
+    alpha: Temperature = "auto",
 ) -> GlobalSearch:
     """The search over a map."""
     settings = settings or profiles.build({})
