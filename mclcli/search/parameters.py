@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import final
+from typing import Literal, final, get_args
 
 from mclcli.parameters import parameter, validate
+
+BaseCells = Literal["free", "open", "any"]
 
 
 @final
@@ -14,10 +16,10 @@ from mclcli.parameters import parameter, validate
 class SearchParameters:
     """What is searched, how closely, and when two places count as two."""
 
-    base_cells: str = parameter(
+    base_cells: BaseCells = parameter(
         "free",
         "cells that may hold the robot's base: free ones; all but occupied ones; any",
-        choices=("free", "open", "any"),
+        choices=get_args(BaseCells),
     )
     locate_beams: int = parameter(90, "beams of a single scan", low=1)
     window_beams: int = parameter(240, "beams of all scans of a window together", low=1)

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.search.lattice import Places
+    from mclcli.search.parameters import BaseCells
     from mclcli.sensors.beam import BeamModel
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.bearing import BearingModel, Bearings
@@ -78,7 +79,7 @@ class View:
 
 def allowed_cells(
     grid: OccupancyGrid,
-    policy: str,
+    policy: BaseCells,
     region: tuple[float, float, float, float] | None = None,
     disc: tuple[float, float, float] | None = None,
 ) -> BoolArray:

@@ -24,6 +24,8 @@ from mclcli.sensors.models import LIDAR_MODELS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mclcli.settings import Profile
+
 Value = float | str
 
 
@@ -49,7 +51,7 @@ class FrameParameters:
 class Settings:
     """All parameters of a run, a group per part of the filter, and whose defaults they started from."""
 
-    profile: str
+    profile: Profile
     model: str
     filter: FilterParameters
     kld: KldParameters
@@ -172,7 +174,7 @@ _BELUGA_BEAM: dict[str, Value] = {
     "raycast": "bresenham_beluga",
     "beam_origin": "base",
 }
-PROFILES: dict[str, dict[str, dict[str, Value]]] = {
+PROFILES: dict[Profile, dict[str, dict[str, Value]]] = {
     "textbook": {"likelihood_field": {}, "likelihood_field_prob": {}, "beam": {"max_range": "no_return"}},
     "nav2": {
         "likelihood_field": {**_NAV2, **_CUBES},
@@ -200,7 +202,7 @@ def table(model: str | None = None) -> Iterator[tuple[str, str, Value, Descripti
             yield group, name, default, description
 
 
-def build(values: Mapping[str, object], *, profile: str = "textbook", model: str = "likelihood_field") -> Settings:
+def build(values: Mapping[str, object], *, profile: Profile = "textbook", model: str = "likelihood_field") -> Settings:
     """Settings with these values over a profile's defaults; text is read with its unit (``3deg``).
 
     Parameters of other lidar models than ``model`` are passed over.

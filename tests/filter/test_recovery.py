@@ -24,6 +24,7 @@ from tests.worlds import drawn
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.filter.recovery import RecoveryRule
     from mclcli.records import StepRecord
 
 QUIET = DifferentialMotion(DifferentialParameters(0.0, 0.0, 0.0, 0.0))
@@ -60,7 +61,7 @@ def test_nothing_to_judge_changes_nothing() -> None:
     assert recovery.observe(before, None, RATES) == before
 
 
-def run(fits_per_beam: list[float], rule: str = "per_beam", beams: int = 10) -> list[StepRecord]:
+def run(fits_per_beam: list[float], rule: RecoveryRule = "per_beam", beams: int = 10) -> list[StepRecord]:
     """Steps whose particles all fit alike."""
     parameters = RecoveryParameters("uniform", 0.01, 0.5, rule)
     localizer = Localizer(QUIET, FilterParameters(), 0, KldParameters(N, N), parameters)

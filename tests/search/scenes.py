@@ -21,6 +21,7 @@ from mclcli.world.raycast import make_caster
 if TYPE_CHECKING:
     from mclcli.arrays import BoolArray, FloatArray
     from mclcli.replay.finder import GlobalSearch, Limits
+    from mclcli.search.parameters import BaseCells
     from mclcli.sensors import Temperature
     from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
@@ -84,6 +85,6 @@ def finder_for(
     )
 
 
-def cells_allowed(grid: OccupancyGrid, policy: str) -> BoolArray:
+def cells_allowed(grid: OccupancyGrid, policy: BaseCells) -> BoolArray:
     """Cells that may hold the base."""
     return scenes.allowed_cells(grid, policy)

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mclcli.records import LaserScan
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.instruments import LidarModel
+    from mclcli.settings import Profile
 
 RESOLUTION, ORIGIN = 0.25, (-3.0, -2.0, 0.0)
 GENERATOR = np.random.default_rng(21)
@@ -39,7 +40,7 @@ TINY = 1e-9  # [m, rad] poses whose scores stand such a nudge are away from bord
 class Variant(NamedTuple):
     """A profile, a model of the registry, and switches on top."""
 
-    profile: str
+    profile: Profile
     model: str
     changes: tuple[tuple[str, str], ...] = ()
 
