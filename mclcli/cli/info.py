@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, final
 import click
 
 from mclcli.cli import options
+from mclcli.errors import ExitCode
 from mclcli.text import clean
 
 if TYPE_CHECKING:
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import Roles
     from mclcli.io.recording.survey import LogSurvey, TopicSurvey
-
-DAMAGED = 3
 
 
 @final
@@ -37,7 +36,7 @@ class InfoOptions:
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @options.common
 @options.into(InfoOptions)
-def command(info: InfoOptions) -> int:
+def command(info: InfoOptions) -> ExitCode:
     """Topics by role and why, counts, rates, laser geometry, frames, and the `mcl run` line.
 
     And what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
@@ -52,7 +51,7 @@ def command(info: InfoOptions) -> int:
     parts = roles.assign(recording.survey, roles.RequestedRoles())
     facts = describe(recording, diagnosis, parts, info.logs)
     click.echo(json.dumps(facts, indent=2) if info.as_json else "\n".join(_lines(facts)))
-    return DAMAGED if recording.tally.lossy else 0
+    return ExitCode.DAMAGED if recording.tally.lossy else ExitCode.COMPLETE
 
 
 def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tuple[str, ...]) -> dict[str, Any]:

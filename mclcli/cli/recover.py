@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, final
 import click
 
 from mclcli.cli import console, options
-from mclcli.errors import InputError
+from mclcli.errors import ExitCode, InputError
 from mclcli.text import clean
 
 if TYPE_CHECKING:
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from mclcli.io.logs.base import Channel, Tally
     from mclcli.io.traces.output import Output
     from mclcli.io.traces.recovered_mcap import RecoveredMcap
-
-DAMAGED = 3
 
 
 @final
@@ -37,7 +35,7 @@ class RecoverOptions:
 @click.option("-o", "--output", metavar="GOOD.mcap", required=True, help="Where to write; - is stdout.")
 @options.common
 @options.into(RecoverOptions)
-def command(recover: RecoverOptions) -> int:
+def command(recover: RecoverOptions) -> ExitCode:
     """Write what can be read of DAMAGED (a file, a rosbag2 folder, several, or -) into an indexed, checksummed MCAP.
 
     Messages keep their bytes, types and times: those of ROS 1 stay ROS 1. Exits with 0 if all of them were saved, with
@@ -58,7 +56,7 @@ def command(recover: RecoverOptions) -> int:
         console.tell_kept(sink.kept)
         raise
     _report(recover.output, saved, tally)
-    return DAMAGED if tally.lossy else 0
+    return ExitCode.DAMAGED if tally.lossy else ExitCode.COMPLETE
 
 
 def _save(log: Log, tally: Tally, sink: Output) -> RecoveredMcap:

@@ -10,7 +10,7 @@ import click
 
 from mclcli.cli.eval.options import EvalOptions, eval_options, expand
 from mclcli.cli.options import into
-from mclcli.errors import UsageError
+from mclcli.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,14 +19,13 @@ if TYPE_CHECKING:
     from mclcli.evaluate.spread import Spread
     from mclcli.geometry.trajectory import Trajectory
 
-DAMAGED, MISSED = 3, 4
 _SPARSE = 0.9  # coverage below which the user is warned
 
 
 @click.command("eval", short_help="Errors of tracks against a reference, with limits for CI.")
 @eval_options
 @into(EvalOptions)
-def command(options: EvalOptions) -> int:
+def command(options: EvalOptions) -> ExitCode:
     """Evaluate each TRACK: a track CSV of `mcl run`, a TUM file, - for either on stdin, or LOG:TOPIC.
 
     Nothing is aligned unless --align asks for it. Several tracks, of several seeds say, are summed up as well: median
@@ -58,7 +57,9 @@ def command(options: EvalOptions) -> int:
             console.warn(f"{e.name}: the reference covers {100 * e.coverage:.1f} % of the poses; the rest is unknown")
     for name, sentence in complaints:
         console.error(f"{name}: {sentence}")
-    return MISSED if complaints else DAMAGED if damaged else 0
+    if complaints:
+        return ExitCode.MISSED
+    return ExitCode.DAMAGED if damaged else ExitCode.COMPLETE
 
 
 def _evaluate(track: Trajectory, truth: Trajectory, protocol: Protocol, name: str) -> Evaluation:

@@ -10,7 +10,7 @@ import click
 from mclcli.cli.chosen import choose_settings
 from mclcli.cli.locate.options import LocateOptions, locate_options
 from mclcli.cli.options import into
-from mclcli.errors import InputError, UsageError
+from mclcli.errors import ExitCode, InputError, UsageError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,14 +20,11 @@ if TYPE_CHECKING:
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
 
-AMBIGUOUS = 5
-DAMAGED = 3
-
 
 @click.command("locate", short_help="Find where a scan was taken, anywhere on the map.")
 @locate_options
 @into(LocateOptions)
-def command(options: LocateOptions) -> int:
+def command(options: LocateOptions) -> ExitCode:
     """Find where SCAN was taken: a LaserScan as YAML or JSON, - for stdin, or a log.
 
     The best pose of the whole map, proven, the places that compete with it, and how probable each is.
@@ -56,8 +53,8 @@ def command(options: LocateOptions) -> int:
         raise InputError(f"{options.source.scan}: no scan there that can be used; `mcl info` shows what the log has")
     result.conclude()
     if moments.lossy:
-        return DAMAGED
-    return AMBIGUOUS if result.ambiguous else 0
+        return ExitCode.DAMAGED
+    return ExitCode.AMBIGUOUS if result.ambiguous else ExitCode.COMPLETE
 
 
 def _limits(options: LocateOptions, grid: OccupancyGrid, settings: Settings) -> Limits:

@@ -11,7 +11,7 @@ import click
 from mclcli.cli.chosen import choose_settings
 from mclcli.cli.options import into
 from mclcli.cli.run.options import RunOptions, run_options
-from mclcli.errors import InputError, UsageError
+from mclcli.errors import ExitCode, InputError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,13 +26,11 @@ if TYPE_CHECKING:
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
 
-DAMAGED = 3
-
 
 @click.command("run", short_help="Run Monte Carlo Localization over a log.")
 @run_options
 @into(RunOptions)
-def command(options: RunOptions) -> int:
+def command(options: RunOptions) -> ExitCode:
     """Track a robot through LOG: a file, a rosbag2 folder, several of them as one log, or - for a stream on stdin.
 
     With no output named, the track goes to stdout as CSV unless that is a terminal.
@@ -69,7 +67,7 @@ def command(options: RunOptions) -> int:
         title = f"Track of {', '.join(recording.log.names)}"
         subtitle = compared[0] if compared else report.extent(tally, outputs.track)
         report.draw(options.picture, inputs, grid, outputs, findings, title, subtitle)
-    return DAMAGED if recording.tally.lossy else 0
+    return ExitCode.DAMAGED if recording.tally.lossy else ExitCode.COMPLETE
 
 
 def _from_flags(options: RunOptions) -> dict[str, object]:
