@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli.filter import fit, scoring, temperature
+from mclcli.filter import fit, temperature
+from mclcli.filter.weights import evidences
 from mclcli.replay.setup import lidar_model
 from mclcli.sensors import Measurement, Temperature
 from mclcli.sensors.beams import Beams
@@ -28,8 +29,8 @@ def saying(*values: float, floor: float = -10.0, alpha: Temperature = "auto", co
 
 def each(measurement: Measurement, weights: list[float]) -> float:
     logs = measurement.log_likelihood(np.zeros((len(weights), 3)))[np.newaxis]
-    _, evidences = scoring.evidences(np.log(weights), logs)
-    return fit.of_each([measurement], evidences)[0]
+    _, of_each = evidences(np.log(weights), logs)
+    return fit.of_each([measurement], of_each)[0]
 
 
 def test_a_fit_lies_between_nothing_and_everything() -> None:

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from mclcli.filter.kld import KldParameters, limit
-from mclcli.filter.localizer import Localizer
+from mclcli.filter.localizer import Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
-from mclcli.filter.state import initial_state
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
 from tests.reference import kld as naive

@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from mclcli.errors import UsageError
 from mclcli.filter import recovery
 from mclcli.filter.kld import KldParameters
-from mclcli.filter.localizer import Localizer
+from mclcli.filter.localizer import Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.recovery import Averages, FromAnywhere, RecoveryParameters
-from mclcli.filter.state import initial_state
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
 from tests.reference import recovery as naive

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli.filter import temperature
-from mclcli.filter.state import uniform_log_weights
 from mclcli.filter.temperature import Correlation, conditional_ess, correlate, largest_alpha
+from mclcli.filter.weights import uniform_log_weights
 from mclcli.sensors import Measurement, Temperature
 
 GENERATOR = np.random.default_rng(5)

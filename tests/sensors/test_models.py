@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mclcli.filter import scoring
+from mclcli.filter import weights
 from mclcli.geometry import se2, se3
 from mclcli.sensors import beams
 from mclcli.sensors.likelihood_field import LikelihoodField
@@ -177,7 +177,7 @@ def test_fields_are_monotone_in_distance(
 @given(alpha=st.floats(0.02, 1.0))
 def test_temperature_leaves_the_best_pose_the_best(variant: Variant, alpha: float) -> None:
     scores = variant.scores(POSES)
-    tempered = scoring.temper([alpha], scores[np.newaxis])
+    tempered = weights.temper([alpha], scores[np.newaxis])
     assert tempered[scores.argmax()] == tempered.max()
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, get_args
 import numpy as np
 import pytest
 
-from mclcli.filter import scoring, weights
+from mclcli.filter import weights
 from mclcli.world import FieldMethod
 from tests.sensors.example import SET1, SET1_TOTAL, SET1_WEIGHTS, SET2, SET2_WEIGHTS, SET3, Example, example_map
 from tests.support import grid_of, use_compiled
@@ -26,7 +26,7 @@ def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> No
 @pytest.mark.parametrize("method", get_args(FieldMethod))
 def test_first_set_vision_and_normalisation(method: FieldMethod) -> None:
     measurements = [SET1.lidar_measurement(method), SET1.vision_measurement()]
-    total = scoring.temper([1.0] * len(measurements), scoring.score(measurements, SET1.poses))
+    total = weights.temper([1.0] * len(measurements), weights.score(measurements, SET1.poses))
     np.testing.assert_allclose(total, SET1_TOTAL, rtol=0, atol=1e-9)
     np.testing.assert_allclose(weights.normalise(total), SET1_WEIGHTS, rtol=0, atol=1e-9)
 
@@ -45,7 +45,7 @@ def test_second_set_vision_with_an_id_that_no_map_knows() -> None:
 
 def test_second_set_fused() -> None:
     measurements = [SET2.lidar_measurement("brushfire"), SET2.vision_measurement()]
-    fused = weights.normalise(scoring.temper([1.0] * len(measurements), scoring.score(measurements, SET2.poses)))
+    fused = weights.normalise(weights.temper([1.0] * len(measurements), weights.score(measurements, SET2.poses)))
     np.testing.assert_allclose(fused, SET2_WEIGHTS, rtol=1e-9, atol=0)
 
 

@@ -29,7 +29,7 @@ def command(options: ScoreOptions) -> None:
     from mclcli.cli.score import explain, output
     from mclcli.cli.score import poses as score_poses
     from mclcli.cli.score.sensors import instruments
-    from mclcli.filter import scoring, weights
+    from mclcli.filter import weights
 
     chosen = choose_settings(options.parameters, {"max_beams": 0})
     settings = chosen.settings
@@ -41,9 +41,9 @@ def command(options: ScoreOptions) -> None:
         return
     used = instruments(options, settings, grid, scan, len(candidates.poses))
     measurements = [instrument.measure(reading, mount) for instrument, reading, mount in used]
-    log_likelihoods = scoring.score(measurements, candidates.poses)
+    log_likelihoods = weights.score(measurements, candidates.poses)
     alphas = _alphas(measurements, log_likelihoods, candidates.poses, settings.filter.ess_target)
-    log_weights = scoring.temper(alphas, log_likelihoods)
+    log_weights = weights.temper(alphas, log_likelihoods)
     if not weights.usable(log_weights):
         raise InputError("no pose has a weight: every likelihood is zero or not a number; check the poses")
     result = output.Scores(
@@ -65,7 +65,7 @@ def _alphas(
     """Temperatures; ``auto`` looks at the beams from the likeliest pose, ``ess`` at equally weighted poses."""
     from mclcli.cli import console
     from mclcli.filter import temperature
-    from mclcli.filter.state import uniform_log_weights
+    from mclcli.filter.weights import uniform_log_weights
 
     best = poses[int(log_likelihoods.sum(axis=0).argmax())]
     correlations = temperature.observe(measurements, best, {})

@@ -11,7 +11,7 @@ from mclcli import rng
 from mclcli.cli import console
 from mclcli.cli.score.options import YAW_STEP
 from mclcli.errors import UsageError
-from mclcli.filter import lattice, particles
+from mclcli.filter import particles
 from mclcli.geometry import se2
 from mclcli.replay.setup import describe_extent
 
@@ -52,7 +52,7 @@ def collect(options: PoseOptions, grid: OccupancyGrid, *, for_heatmap: bool) -> 
     step = 0.0
     if options.lattice or (for_heatmap and sum(len(s) for s in sets) == 0):
         step, yaw_step = options.lattice or _steps_over_all(grid)
-        sets.append(lattice.poses(grid, step, yaw_step))
+        sets.append(lattice_poses(grid, step, yaw_step))
     poses = np.concatenate(sets)
     if not poses.size:
         raise UsageError("no pose to score; name some with --pose, --poses, --around or --grid")
@@ -93,3 +93,26 @@ def _steps_over_all(grid: OccupancyGrid) -> tuple[float, float]:
     """Spacing [m] and turn [rad] of a lattice as fine as a picture of the whole map needs."""
     free_area = float(grid.free.sum()) * grid.resolution**2
     return max(grid.resolution, float(np.sqrt(free_area / _HEATMAP_POSITIONS))), YAW_STEP
+
+
+def positions(grid: OccupancyGrid, step: float) -> FloatArray:
+    """Points (P, 2) [m] of a square lattice in map, ``step`` [m] apart, in free cells; row by row from below."""
+    corners = grid.to_map([[0, 0], [grid.width, 0], [grid.width, grid.height], [0, grid.height]])
+    low, high = np.ceil(corners.min(axis=0) / step), np.floor(corners.max(axis=0) / step)
+    xs, ys = np.arange(low[0], high[0] + 1) * step, np.arange(low[1], high[1] + 1) * step
+    points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+    points = points[grid.contains(points)]
+    cells = np.floor(grid.to_cells(points)).astype(np.intp)
+    return points[grid.free[cells[:, 1], cells[:, 0]]]
+
+
+def headings(step: float) -> FloatArray:
+    """Yaws (Q,) [rad] evenly over (−π, π], at most ``step`` apart, 0 among them."""
+    count = max(1, int(np.ceil(se2.TAU / step - 1e-9)))
+    return np.sort(se2.wrap(np.arange(count) * (se2.TAU / count)))
+
+
+def lattice_poses(grid: OccupancyGrid, step: float, yaw_step: float) -> FloatArray:
+    """Poses (P·Q, 3): every heading at every position, headings varying fastest."""
+    points, yaws = positions(grid, step), headings(yaw_step)
+    return np.column_stack([np.repeat(points, yaws.size, axis=0), np.tile(yaws, points.shape[0])])
