@@ -1,4 +1,4 @@
-"""The house keeps its order: rooms, budgets, docstrings, and who may know which library."""
+"""The order of the code: packages, lengths, docstrings, and who may import which library."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def importers(library: str) -> set[str]:
     }
 
 
-def test_the_contracts_of_the_house_hold() -> None:
+def test_the_import_contracts_hold() -> None:
     pytest.importorskip("importlinter", reason="needs import-linter, of the extra 'lint'")
     code = "import sys; from importlinter.cli import lint_imports; sys.exit(lint_imports(no_cache=True))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=False)
@@ -85,7 +85,7 @@ def test_the_contracts_of_the_house_hold() -> None:
         ("evo", ()),
     ],
 )
-def test_a_library_is_known_in_its_room_only(library: str, allowed: tuple[str, ...]) -> None:
+def test_a_library_is_imported_in_its_package_only(library: str, allowed: tuple[str, ...]) -> None:
     assert not {name for name in importers(library) if not name.startswith(allowed)}
 
 
@@ -93,7 +93,7 @@ def test_a_library_is_known_in_its_room_only(library: str, allowed: tuple[str, .
     "library", ["numba", "llvmlite", "scipy", "mcap", "rosbags", "PIL", "ruamel", "rich", "mclcli.kernels"]
 )
 def test_what_is_slow_to_import_waits_until_it_is_needed(library: str) -> None:
-    path = ("kernels/", "io/logs/", "io/", "render/", "cli/")  # rooms that are themselves imported late
+    path = ("kernels/", "io/logs/", "io/", "render/", "cli/")  # packages that are themselves imported late
     early = {name for name in importers(library) if any(m.startswith(library) for m in top_level(TREES[name]))}
     assert not {name for name in early if not name.startswith(path)}
 

@@ -56,7 +56,7 @@ def choose_settings(
 def names_in(survey: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) -> dict[str, str]:
     """Topics and frames by parameter: those set, and those of the robot's file that the log has; the rest is empty.
 
-    ``overruled`` are parameters in whose place the command line has named something.
+    ``overruled`` are parameters that an option of the command line replaces.
     """
     from mclcli.io.recording import topic_names
 

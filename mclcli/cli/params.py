@@ -58,7 +58,7 @@ def _comments() -> dict[str, str]:
         for _, name, _, description in profiles.table()
     }
     return {
-        "profile": "whose rules: textbook, nav2 or beluga, as --profile",
+        "profile": "rules and defaults to follow: textbook, nav2 or beluga, as --profile",
         "model": "lidar model, as --model",
         **meanings,
     }

@@ -33,7 +33,7 @@ def global_search(
     alpha: Temperature = "auto",
     limits: Limits | None = None,
 ) -> GlobalSearch:
-    """The search that the settings ask for; with the beam model the likelihood field finds what that looks at again."""
+    """The search that the settings ask for; with the beam model, the likelihood field finds what that model weighs."""
     if settings.model == "beam":
         settings = dataclasses.replace(settings, model="likelihood_field")
     model = lidar_model(grid, settings, lambda *what, **how: cached_field(*what, **how)[0], 0.0)

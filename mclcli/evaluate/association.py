@@ -27,7 +27,7 @@ class Matching:
 
     ``interpolate``: the reference at each pose of the track, between two of its poses at most ``max_gap_ns`` apart.
     ``nearest``: each pose of the shorter of the two with the nearest in time of the longer, at most ``max_diff_ns``
-    away; of two equally near the earlier one. So pairs evo (``evo.core.sync``, default 0.01 s).
+    away; of two equally near the earlier one. evo pairs in the same way (``evo.core.sync``, default 0.01 s).
     """
 
     method: Method = "interpolate"

@@ -257,7 +257,7 @@ def is_way(way: tuple[float, float]) -> bool:
 
 
 def is_depleted(ess: float, n: int, fraction: float) -> bool:
-    """Whether the effective sample size fell below a fraction of the particles; of 1, whatever it is."""
+    """Whether the effective sample size fell below a fraction of the particles; always with a fraction of 1."""
     return ess < fraction * n or fraction == 1.0
 
 

@@ -22,7 +22,7 @@ class FilterParameters:
     resampler: str = parameter("systematic", "how ancestors are drawn", choices=tuple(RESAMPLERS))
     resample_ess: float = parameter(
         0.5,
-        "resample when the effective sample size falls below this share of the particles; 1: whatever it is",
+        "resample when the effective sample size falls below this share of the particles; 1: always",
         low=0.0,
         high=1.0,
     )
@@ -70,8 +70,8 @@ class FilterParameters:
     )
     update_min_d: float = parameter(0.25, "motion that calls for an update", unit="m", low=0.0, in_nav2=True)
     update_min_a: float = parameter(0.2, "turn that calls for an update", unit="rad", low=0.0, in_nav2=True)
-    vision_min_d: float = parameter(0.02, "the same in runs without a lidar", unit="m", low=0.0)
-    vision_min_a: float = parameter(0.02, "the same in runs without a lidar", unit="rad", low=0.0)
+    vision_min_d: float = parameter(0.02, "motion that calls for an update in runs without a lidar", unit="m", low=0.0)
+    vision_min_a: float = parameter(0.02, "turn that calls for an update in runs without a lidar", unit="rad", low=0.0)
 
     def __post_init__(self) -> None:
         validate(self)

@@ -151,7 +151,7 @@ class Proposal(Protocol):
 
     Called within a step, after the weights are known and before resampling, and only if particles are to be drawn
     anew; their share is the caller's business. Must depend on nothing but its arguments, and take all randomness from
-    ``rng``, which belongs to this step. Raising is not expected: without a better idea draw from everywhere.
+    ``rng``, which belongs to this step. It must not raise: without a better idea it draws from everywhere.
     """
 
     def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:

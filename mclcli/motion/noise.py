@@ -14,7 +14,7 @@ def scaling_parameter() -> Scaling:
     """The field ``noise_scaling``, the same for every motion model that has it."""
     default: Scaling = parameter(
         "distance",
-        "variances grow with the motion between two updates, as a walk's do, or with its square",
+        "variances are proportional to the motion between two updates, as of a random walk, or to its square",
         choices=get_args(Scaling),
         source="step: Thrun, Burgard, Fox 2005, table 5.6",
     )

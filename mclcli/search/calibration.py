@@ -37,7 +37,7 @@ class Figures:
 
     @property
     def passed(self) -> float:
-        """What only walls on the way explain: beams that end well, but had to pass through some."""
+        """Misfit that only walls on the way explain: of beams that end well, but would have passed through a wall."""
         return self.misfit_rays - 3.0 * self.misfit
 
 

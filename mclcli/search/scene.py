@@ -66,8 +66,8 @@ class Scene:
 class View:
     """What the robot sees, from its base at one stamp: beams with a return, all beams, and bearings of landmarks.
 
-    ``later`` are the beams with a return of ever fewer scans, the latest ones: odometry puts those of early scans ever
-    more beside.
+    ``later`` are the beams with a return of the latest half of the scans, the latest quarter, and so on: the drift of
+    odometry displaces those of earlier scans more.
     """
 
     beams: Beams

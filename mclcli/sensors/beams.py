@@ -42,7 +42,10 @@ class BeamSelection:
         in_nav2=True,
     )
     laser_max_range: float = parameter(
-        -1.0, "no return from here on; the smaller of it and the scan's own; ≤ 0: the scan's", unit="m", in_nav2=True
+        -1.0,
+        "readings from this on are no return; the smaller of it and the scan's own; ≤ 0: the scan's",
+        unit="m",
+        in_nav2=True,
     )
     max_range: MaxRange = parameter(
         "skip",

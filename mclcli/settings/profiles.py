@@ -39,7 +39,7 @@ class FrameParameters:
     )
     odom_frame_id: str = parameter("", "frame of the odometry; empty: as recorded", in_nav2=True)
     global_frame_id: str = parameter("map", "frame of the map, in MCAP traces", in_nav2=True)
-    scan_topic: str = parameter("", "topic of the laser scans; empty: found; `--scan` goes before", in_nav2=True)
+    scan_topic: str = parameter("", "topic of the laser scans; empty: found; `--scan` overrides it", in_nav2=True)
     map_topic: str = parameter("", "topic of the map where `--map` names none; empty: found", in_nav2=True)
 
     def __post_init__(self) -> None:
@@ -230,7 +230,7 @@ def build(values: Mapping[str, object], *, profile: Profile = "textbook", model:
 def spelled_out(values: Mapping[str, object]) -> dict[str, object]:
     """The same values, with ``particles`` = N or ``MIN:MAX`` as ``min_particles`` and ``max_particles``.
 
-    Those two count where they are given as well.
+    Where those two are given as well, they count.
     """
     rest = {name: value for name, value in values.items() if name != "particles"}
     if "particles" not in values:

@@ -204,19 +204,19 @@ eval_options = options.all_of(
         default="0.01",
         show_default=True,
         callback=_nanoseconds,
-        help="For nearest: how far apart.",
+        help="For nearest: largest difference of stamps.",
     ),
     click.option(
         "--converged",
         callback=parse_rule,
         metavar="M,ANGLE,S",
-        help="Errors below these, for so long.  [default: 0.5,10deg,10; 3 poses]",
+        help="Bounds of the errors, and how long they must hold.  [default: 0.5,10deg,10; 3 poses]",
     ),
     click.option(
         "--lost",
         callback=parse_rule,
         metavar="M,ANGLE,S",
-        help="An error above these, for so long.  [default: 1,30deg,2; 3 poses]",
+        help="Bounds that an error must exceed, and for how long.  [default: 1,30deg,2; 3 poses]",
     ),
     click.option(
         "--seed",

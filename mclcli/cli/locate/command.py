@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 def command(options: LocateOptions) -> ExitCode:
     """Find where SCAN was taken: a LaserScan as YAML or JSON, - for stdin, or a log.
 
-    The best pose of the whole map, proven, the places that compete with it, and how probable each is.
+    Gives the pose that is proven to be the best of the whole map, the places that compete with it, and how probable
+    each is.
     """
     from mclcli.cli import searching
     from mclcli.cli.locate import output as locate_output

@@ -168,7 +168,7 @@ run_options = options.all_of(
         help="First scan to use: seconds into the log, @SECONDS, 14:32:05 or ISO 8601.",
     ),
     click.option(
-        "--duration", "duration_ns", callback=parse_duration, metavar="S", help="How long to go on, in seconds."
+        "--duration", "duration_ns", callback=parse_duration, metavar="S", help="How many seconds of the log to use."
     ),
     click.option("--strict", is_flag=True, help="Stop at the first damage in the log."),
     click.option(

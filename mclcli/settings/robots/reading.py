@@ -79,7 +79,7 @@ def load_settings(
     profile: Profile | None = None,
     model: str | None = None,
 ) -> profiles.Settings:
-    """Settings of a file of parameters, with other ``values`` going before those of the file; errors as of ``load``."""
+    """Settings of a file of parameters, with ``values`` that override those of the file; errors as of ``load``."""
     return settings_of(load(path, profile=profile, model=model), values or {}, profile=profile, model=model)
 
 
@@ -120,7 +120,7 @@ def from_node(
     profile: Profile | None = None,
     model: str | None = None,
 ) -> FileParameters:
-    """Parameters of a node as mcl's; ``own`` are those of the file's block for mcl, which go before."""
+    """Parameters of a node as mcl's; ``own`` are those of the file's block for mcl, which override them."""
     extra = _of_mcl(name, own, model)
     as_read = {key: _read(name, key, given) for key, given in node.values.items() if key in names.NAMES}
     dialect = "Beluga" if any(names.is_belugas(key, as_read.get(key)) for key in node.certain) else "nav2_amcl"
