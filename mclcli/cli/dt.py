@@ -56,7 +56,7 @@ class FieldOptions:
 @options.common
 @options.into(FieldOptions)
 def command(dt: FieldOptions) -> None:
-    """Distance from every cell of MAP to the nearest occupied cell; kept in the cache for the other commands."""
+    """Compute the distance from every cell of MAP to the nearest occupied one; the cache keeps it for others."""
     from mclcli.cli import console
     from mclcli.io.maps import field_cache
     from mclcli.world import distance_field

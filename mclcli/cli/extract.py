@@ -61,7 +61,7 @@ class ExtractOptions:
 @options.common
 @options.into(ExtractOptions)
 def command(extract: ExtractOptions) -> None:
-    """One message of LOG as YAML or JSON; a laser scan carries along where its lidar sits on the base."""
+    """Print one message of LOG as YAML or JSON; with a laser scan goes where its lidar sits on the base."""
     from mclcli.cli import one_scan
     from mclcli.io.recording.roles import SCAN
     from mclcli.io.tables.scan_file import format_scan

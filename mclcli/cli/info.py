@@ -37,9 +37,9 @@ class InfoOptions:
 @options.common
 @options.into(InfoOptions)
 def command(info: InfoOptions) -> ExitCode:
-    """Topics by role and why, counts, rates, laser geometry, frames, and the `mcl run` line.
+    """Show which topic plays which part and why, counts, rates, laser geometry, frames, and the `mcl run` line.
 
-    And what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
+    It also says what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
     """
     from mclcli.io.logs import open_log
     from mclcli.io.recording import roles
@@ -133,8 +133,10 @@ def _lidar(recording: Recording, parts: Roles, name: str) -> dict[str, Any]:
     import numpy as np
 
     from mclcli.geometry import se3
+    from mclcli.records import LaserScan
 
-    scan: Any = recording.survey.topics[name].sample
+    scan = recording.survey.topics[name].sample
+    assert isinstance(scan, LaserScan)  # noqa: S101 - roles go by type
     mount = recording.survey.frames.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
     finite = np.isfinite(scan.ranges)
     return {

@@ -35,7 +35,7 @@ class ParamsOptions:
 @options.common
 @options.into(ParamsOptions)
 def command(params: ParamsOptions) -> None:
-    """Effective parameters as YAML that --params reads, with units and meanings."""
+    """Print the effective parameters as YAML that --params reads, with units and meanings."""
     chosen = choose_settings(params.parameters, {})
     if params.form == "nav2":
         from mclcli.settings.robots.writing import to_nav2

@@ -163,10 +163,20 @@ limit_options = options.together(
     ),
     click.option("--max-convergence", metavar="S", callback=_seconds, help="Exit 4 if it converged later, or never."),
     click.option(
-        "--max-anees", metavar="X", callback=_number, help="Exit 4 if the covariances are more overconfident."
+        "--max-anees", metavar="X", callback=_number, help="Exit 4 if the ANEES is more: the covariances are too small."
     ),
-    click.option("--min-within", metavar="SHARE,M", callback=share_within, help="Exit 4 if fewer poses are that near."),
-    click.option("--min-coverage", metavar="SHARE", callback=share, help="Exit 4 if the reference covers less."),
+    click.option(
+        "--min-within",
+        metavar="SHARE,M",
+        callback=share_within,
+        help="Exit 4 if a smaller share of the poses is that near.",
+    ),
+    click.option(
+        "--min-coverage",
+        metavar="SHARE",
+        callback=share,
+        help="Exit 4 if the reference covers a smaller share of the track.",
+    ),
 )
 
 eval_options = options.all_of(

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mclcli.cli.chosen import choose_settings
 from mclcli.cli.locate.options import LocateOptions, locate_options
 from mclcli.cli.options import into
 from mclcli.errors import ExitCode, InputError, UsageError
@@ -31,6 +30,7 @@ def command(options: LocateOptions) -> ExitCode:
     each is.
     """
     from mclcli.cli import searching
+    from mclcli.cli.chosen import choose_settings
     from mclcli.cli.locate import output as locate_output
     from mclcli.cli.locate import scans
     from mclcli.io.traces.output import open_output

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mclcli.cli.chosen import choose_settings
 from mclcli.cli.options import into
 from mclcli.cli.run.options import RunOptions, run_options
 from mclcli.errors import ExitCode, InputError, UsageError
@@ -35,6 +34,7 @@ def command(options: RunOptions) -> ExitCode:
 
     With no output named, the track goes to stdout as CSV unless that is a terminal.
     """
+    from mclcli.cli.chosen import choose_settings
     from mclcli.cli.run import report
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import References, lines_of, report_of

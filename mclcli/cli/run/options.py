@@ -137,7 +137,7 @@ run_options = options.all_of(
         help="Seed of every random stream.",
     ),
     click.option(
-        "--particles", metavar="N|MIN:MAX", help="Number of particles; of two, KLD sampling chooses between them."
+        "--particles", metavar="N|MIN:MAX", help="Number of particles; between two numbers KLD sampling chooses."
     ),
     click.option(
         "--recovery",

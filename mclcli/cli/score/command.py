@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mclcli.cli.chosen import choose_settings
 from mclcli.cli.options import into
 from mclcli.cli.score.options import ScoreOptions, score_options
 from mclcli.errors import InputError
@@ -20,11 +19,12 @@ if TYPE_CHECKING:
 @score_options
 @into(ScoreOptions)
 def command(options: ScoreOptions) -> None:
-    """Log-likelihood and weight of every pose for one SCAN: a LaserScan as YAML or JSON, - for stdin, or a log.
+    """Print log-likelihood and weight of every pose for one SCAN: a LaserScan as YAML or JSON, - for stdin, or a log.
 
     \b
         mcl extract LOG --at 12.3 | mcl score - --map m.yaml --around 1,2,90deg -n 1000 | sort -t, -k5 -g | tail
     """  # noqa: D301 - click's mark for a verbatim paragraph
+    from mclcli.cli.chosen import choose_settings
     from mclcli.cli.one_scan import find_scan
     from mclcli.cli.score import explain, output
     from mclcli.cli.score import poses as score_poses
