@@ -1,4 +1,4 @@
-"""Compiled or not: when the kernels are worth it, and where their machine code is kept.
+"""NumPy or compiled kernels: a job's choice, which it hands on to wherever loops run, and where machine code is kept.
 
 It is kept in a folder named by the digest of all kernels, the versions of the compiler and the processor, and is called
 from there without importing the compiler (see ``mclcli.native.machine_code``).
@@ -10,8 +10,9 @@ import functools
 import hashlib
 import logging
 import sys
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Final, Literal, cast, final
 
 from mclcli import cache
 
@@ -24,29 +25,35 @@ if TYPE_CHECKING:
 # Compiling takes some seconds, once, and linking what was compiled 0.05 s; either saves about 14 ns a step over NumPy.
 # A short log must not wait for the compiler on its first run, so the bound is where NumPy costs about a second.
 _STEPS_WORTH_COMPILING = 6e7
-_IN_USE: set[str] = set()
 _FOREIGN = ("NRT_MemInfo_alloc", "NRT_Allocate", "numba_", "Py", "_Py")  # what object code cannot find without numba
 
 
-def worth_compiling(steps: float) -> bool:
-    """Whether a job of so many elementary steps (particle × beam, cell × neighbour) should use compiled code.
+@final
+@dataclass(frozen=True, slots=True)
+class Backend:
+    """What runs the loops of a job: the NumPy beside every caller, or the compiled kernels."""
 
-    A pure function of the job's size, so that the same job always takes the same path.
-    """
-    return steps >= _STEPS_WORTH_COMPILING
+    name: Literal["numpy", "compiled"]
+
+    def kernels(self, module: str) -> SimpleNamespace | None:
+        """Kernels of ``mclcli.kernels`` by their module's name; None: use NumPy."""
+        return load(module) if self.name == "compiled" else None
 
 
-def in_use() -> bool:
-    """Whether some job has brought compiled code into this process, so that more of it costs little."""
-    return bool(_IN_USE)
+NUMPY: Final = Backend("numpy")
+COMPILED: Final = Backend("compiled")
+
+
+def choose(steps: float) -> Backend:
+    """Backend for a job of so many elementary steps (particle × beam, cell × neighbour), by its size alone."""
+    return COMPILED if steps >= _STEPS_WORTH_COMPILING else NUMPY
 
 
 @functools.cache
 def load(name: str) -> SimpleNamespace:
-    """Kernels of the module of this name, compiled now or by an earlier process."""
+    """Kernels of the module of this name, compiled now or by an earlier process; for what has no loop in NumPy."""
     from mclcli.native import machine_code
 
-    _IN_USE.add(name)
     path = kernel_folder() / f"{name}.kernels"
     functions = machine_code.read(path)
     if functions is None:

@@ -20,7 +20,7 @@ KERNELS = Path(backend.__file__).parents[1] / "kernels"
 
 
 def test_the_choice_is_a_function_of_the_jobs_size() -> None:
-    assert [backend.worth_compiling(steps) for steps in (0.0, 1e6, 1e9, 1e12)] == [False, False, True, True]
+    assert [backend.choose(steps).name for steps in (0.0, 1e6, 1e9, 1e12)] == ["numpy", "numpy", "compiled", "compiled"]
 
 
 def test_kernels_are_loaded_once_and_kept_where_the_cache_is() -> None:

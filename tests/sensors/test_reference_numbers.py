@@ -10,23 +10,18 @@ import pytest
 from mclcli.filter import scoring, weights
 from mclcli.world.distance_field import METHODS
 from tests.sensors.example import SET1, SET1_TOTAL, SET1_WEIGHTS, SET2, SET2_WEIGHTS, SET3, Example, example_map
-from tests.support import grid_of, use_compiled
+from tests.support import each_backend, grid_of
 
 if TYPE_CHECKING:
+    from mclcli.native.backend import Backend
     from mclcli.world.distance_field import Method
     from mclcli.world.occupancy import OccupancyGrid
 
-pytestmark = pytest.mark.usefixtures("_path")
-
-
-@pytest.fixture(params=["numpy", "compiled"])
-def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    use_compiled(monkeypatch, always=request.param == "compiled")
-
 
 @pytest.mark.parametrize("method", METHODS)
-def test_first_set_vision_and_normalisation(method: Method) -> None:
-    measurements = [SET1.lidar_measurement(method), SET1.vision_measurement()]
+@each_backend
+def test_first_set_vision_and_normalisation(method: Method, backend: Backend) -> None:
+    measurements = [SET1.lidar_measurement(method, backend=backend), SET1.vision_measurement(backend)]
     total = scoring.temper([1.0] * len(measurements), scoring.score(measurements, SET1.poses))
     np.testing.assert_allclose(total, SET1_TOTAL, rtol=0, atol=1e-9)
     np.testing.assert_allclose(weights.normalise(total), SET1_WEIGHTS, rtol=0, atol=1e-9)
@@ -34,18 +29,21 @@ def test_first_set_vision_and_normalisation(method: Method) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("example", [SET2, SET3], ids=["second", "third"])
-def test_lidar(method: Method, example: Example) -> None:
-    got = example.lidar_measurement(method).log_likelihood(example.poses)
+@each_backend
+def test_lidar(method: Method, example: Example, backend: Backend) -> None:
+    got = example.lidar_measurement(method, backend=backend).log_likelihood(example.poses)
     np.testing.assert_allclose(got, example.lidar[method], rtol=0, atol=1e-9)
 
 
-def test_second_set_vision_with_an_id_that_no_map_knows() -> None:
-    got = SET2.vision_measurement().log_likelihood(SET2.poses)
+@each_backend
+def test_second_set_vision_with_an_id_that_no_map_knows(backend: Backend) -> None:
+    got = SET2.vision_measurement(backend).log_likelihood(SET2.poses)
     np.testing.assert_allclose(got, SET2.vision, rtol=0, atol=1e-9)
 
 
-def test_second_set_fused() -> None:
-    measurements = [SET2.lidar_measurement("brushfire"), SET2.vision_measurement()]
+@each_backend
+def test_second_set_fused(backend: Backend) -> None:
+    measurements = [SET2.lidar_measurement("brushfire", backend=backend), SET2.vision_measurement(backend)]
     fused = weights.normalise(scoring.temper([1.0] * len(measurements), scoring.score(measurements, SET2.poses)))
     np.testing.assert_allclose(fused, SET2_WEIGHTS, rtol=1e-9, atol=0)
 
@@ -60,6 +58,7 @@ WRONG = {
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("example", [SET2, SET3], ids=["second", "third"])
 @pytest.mark.parametrize("grid", WRONG.values(), ids=WRONG.keys())
-def test_a_wrong_map_misses_by_far(method: Method, example: Example, grid: OccupancyGrid) -> None:
-    got = example.lidar_measurement(method, grid).log_likelihood(example.poses)
+@each_backend
+def test_a_wrong_map_misses_by_far(method: Method, example: Example, grid: OccupancyGrid, backend: Backend) -> None:
+    got = example.lidar_measurement(method, grid, backend=backend).log_likelihood(example.poses)
     assert np.abs(got - example.lidar[method]).max() > 0.1
