@@ -12,12 +12,13 @@ import logging
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, Literal, cast, final
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, Final, Literal, final
 
 from mclcli import cache
 
 if TYPE_CHECKING:
-    from types import SimpleNamespace
+    from types import ModuleType
 
     from mclcli.native.array_gate import Argument
     from mclcli.native.machine_code import Function
@@ -52,8 +53,11 @@ def choose(steps: float) -> Backend:
 @functools.cache
 def load(name: str) -> SimpleNamespace:
     """Kernels of the module of this name, compiled now or by an earlier process; for what has no loop in NumPy."""
-    from mclcli.native import machine_code
+    from mclcli.native import machine_code, versions
 
+    untested = versions.untested()
+    if untested:
+        return _by_numba(name, untested)
     path = kernel_folder() / f"{name}.kernels"
     functions = machine_code.read(path)
     if functions is None:
@@ -63,7 +67,35 @@ def load(name: str) -> SimpleNamespace:
             machine_code.write(path, functions)
         except OSError as error:
             cache.cannot_keep("compiled code", path, error)
-    return machine_code.link(functions)
+    try:
+        return machine_code.link(functions)
+    except machine_code.UntrustedGateError as error:
+        return _by_numba(name, str(error))
+
+
+def _by_numba(name: str, why: str) -> SimpleNamespace:
+    """The same kernels as numba calls them: the same bits, but nothing is kept for later processes."""
+    _warn_of_numba(why)
+    import numba
+
+    module = _compiled_module(name)
+
+    options: Any = {
+        "nogil": True,
+        "error_model": "numpy",
+    }  # as kernels.OPTIONS, with a way in from Python
+    return SimpleNamespace(
+        **{
+            kernel: numba.njit(list(dispatcher.overloads), **options)(dispatcher.py_func)
+            for kernel, dispatcher in _public_kernels(module)
+        }
+    )
+
+
+@functools.cache
+def _warn_of_numba(why: str) -> None:
+    text = "%s: kernels are compiled anew in every process; the results are the same, the start takes some seconds"
+    logging.getLogger("mclcli").warning(text, why)
 
 
 def kernel_folder() -> Path:
@@ -80,26 +112,36 @@ def compile_kernels(name: str) -> list[Function]:
         If a kernel allocates memory or calls Python: arrays are to come from outside.
 
     """
-    import importlib
-
-    import numba
-
     from mclcli.native import array_gate
     from mclcli.native.machine_code import Function
 
-    settings: Any = numba.config
-    settings.DISABLE_INTEL_SVML, settings.CPU_FEATURES = True, _processor_features()  # SVML is not in every process
-    module = importlib.import_module(f"mclcli.kernels.{name}")
     functions = []
-    for kernel, dispatcher in vars(module).items():
-        if kernel.startswith("_") or not isinstance(dispatcher, numba.core.dispatcher.Dispatcher):
-            continue
-        for result in cast("Any", dispatcher).overloads.values():
+    for kernel, dispatcher in _public_kernels(_compiled_module(name)):
+        for result in dispatcher.overloads.values():
             arguments = tuple(_argument(kind) for kind in result.signature.args)
             code = _object_code(kernel, result.library)
             gate = array_gate.object_code(arguments)
             functions.append(Function(kernel, result.fndesc.llvm_func_name, arguments, code, gate))
     return functions
+
+
+def _compiled_module(name: str) -> ModuleType:
+    """Module of kernels, compiled for this processor as it is imported."""
+    import importlib
+
+    import numba
+
+    settings: Any = numba.config
+    settings.DISABLE_INTEL_SVML, settings.CPU_FEATURES = True, _processor_features()  # SVML is not in every process
+    return importlib.import_module(f"mclcli.kernels.{name}")
+
+
+def _public_kernels(module: ModuleType) -> list[tuple[str, Any]]:
+    """Names and dispatchers of a module's kernels."""
+    from numba.core.dispatcher import Dispatcher
+
+    found = vars(module).items()
+    return [(name, value) for name, value in found if isinstance(value, Dispatcher) and not name.startswith("_")]
 
 
 def _argument(kind: object) -> Argument:
