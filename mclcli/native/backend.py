@@ -23,42 +23,61 @@ if TYPE_CHECKING:
     from mclcli.native.array_gate import Argument
     from mclcli.native.machine_code import Function
 
-# Compiling takes some seconds, once, and linking what was compiled 0.05 s; either saves about 14 ns a step over NumPy.
-# A short log must not wait for the compiler on its first run, so the bound is where NumPy costs about a second.
+# Compiling takes some seconds, once; linking what is kept takes 0.1 s, LLVM's import included. Either saves about 14 ns
+# a step over NumPy. A short log must not wait for the compiler on its first run, so that bound is where NumPy costs
+# about a second.
 _STEPS_WORTH_COMPILING = 6e7
+_STEPS_WORTH_LINKING = 1e7
+_STEPS_OF_A_ROUND = 1000  # what starting a dozen operations costs NumPy, however short the arrays
 _FOREIGN = ("NRT_MemInfo_alloc", "NRT_Allocate", "numba_", "Py", "_Py")  # what object code cannot find without numba
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Backend:
-    """What runs the loops of a job: the NumPy beside every caller, or the compiled kernels."""
+    """What runs the loops of a job: the NumPy beside every caller, compiled kernels, or those of them that are kept.
 
-    name: Literal["numpy", "compiled"]
+    Kernels that have a twin in NumPy have its bits, so ``kept`` comes to the same whatever the cache holds.
+    """
+
+    name: Literal["numpy", "kept", "compiled"]
 
     def kernels(self, module: str) -> SimpleNamespace | None:
         """Kernels of ``mclcli.kernels`` by their module's name; None: use NumPy."""
-        return load(module) if self.name == "compiled" else None
+        if self.name == "numpy":
+            return None
+        return load(module) if self.name == "compiled" else _load_kept(module)
 
 
 NUMPY: Final = Backend("numpy")
+KEPT: Final = Backend("kept")
 COMPILED: Final = Backend("compiled")
 
 
-def choose(steps: float) -> Backend:
-    """Backend for a job of so many elementary steps (particle × beam, cell × neighbour), by its size alone."""
+def choose(steps: float, rounds: float = 0.0) -> Backend:
+    """Backend for a job of so many elementary steps (particle × beam, cell × neighbour).
+
+    ``rounds`` is how often NumPy would start a loop for them (beams × updates): with few particles, that is its work.
+    Jobs that are not worth the compiler may still use what an earlier one has left in the cache.
+    """
+    if steps + _STEPS_OF_A_ROUND * rounds >= _STEPS_WORTH_LINKING and by_size(steps) == NUMPY:
+        return KEPT
+    return by_size(steps)
+
+
+def by_size(steps: float) -> Backend:
+    """Backend by the size of a job alone: for loops whose twin differs in the last bits."""
     return COMPILED if steps >= _STEPS_WORTH_COMPILING else NUMPY
 
 
 @functools.cache
 def load(name: str) -> SimpleNamespace:
     """Kernels of the module of this name, compiled now or by an earlier process; for what has no loop in NumPy."""
-    from mclcli.native import machine_code, versions
+    from mclcli.native import machine_code
 
-    untested = versions.untested()
-    if untested:
-        return _by_numba(name, untested)
-    path = kernel_folder() / f"{name}.kernels"
+    if _untested():
+        return _by_numba(name, _untested())
+    path = _path(name)
     functions = machine_code.read(path)
     if functions is None:
         logging.getLogger("mclcli").info("compiling the inner loops '%s' (once; some seconds)", name)
@@ -71,6 +90,31 @@ def load(name: str) -> SimpleNamespace:
         return machine_code.link(functions)
     except machine_code.UntrustedGateError as error:
         return _by_numba(name, str(error))
+
+
+@functools.cache
+def _load_kept(name: str) -> SimpleNamespace | None:
+    """The same if an earlier process has kept them, and they can be used without the compiler."""
+    if not any(cache.cache_root().glob("kernels-*")):  # their digest would cost LLVM's import
+        return None
+    from mclcli.native import machine_code
+
+    functions = None if _untested() else machine_code.read(_path(name))
+    try:
+        return None if functions is None else machine_code.link(functions)
+    except machine_code.UntrustedGateError:
+        return None
+
+
+@functools.cache
+def _untested() -> str:
+    from mclcli.native import versions
+
+    return versions.untested()
+
+
+def _path(name: str) -> Path:
+    return kernel_folder() / f"{name}.kernels"
 
 
 def _by_numba(name: str, why: str) -> SimpleNamespace:
@@ -164,6 +208,7 @@ def _object_code(kernel: str, library: Any) -> bytes:  # noqa: ANN401
     return bytes(code)
 
 
+@functools.cache
 def _digest() -> str:
     from importlib.metadata import version
 

@@ -109,8 +109,9 @@ def prepare(
     settings = settings or profiles.build({})
     scored = (*(roles.scan[:1] if grid else ()), *(roles.vision if landmarks else ()))
     if backend is None:
-        steps = settings.kld.max_particles * _readings(survey, scored, settings)
-        backend = COMPILED if grid and LIDAR_MODELS[settings.model].compiled else choose(steps)
+        beams = _readings(survey, scored, settings)
+        is_compiled = grid is not None and LIDAR_MODELS[settings.model].compiled
+        backend = COMPILED if is_compiled else choose(settings.kld.max_particles * beams, rounds=beams)
     instruments = {
         **_lidars(roles, grid, settings, temperature or {}, make_field, backend, threads),
         **_cameras(roles, landmarks, settings, temperature or {}, backend),

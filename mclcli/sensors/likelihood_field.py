@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry.exponential import LOG2_E
-from mclcli.native.backend import COMPILED, NUMPY, Backend
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.parameters import parameter, validate
 from mclcli.sensors import Measurement, endpoints, floored_log
 from mclcli.sensors.beam_skipping import BeamSkipping, kept_beams
@@ -182,7 +182,8 @@ class LikelihoodField:
     def each(self, beams: Beams, pose: FloatArray) -> FloatArray:
         """Log-likelihood (B,) of each beam alone at one pose (3,)."""
         nearest = self.parameters.field_lookup == "nearest"
-        if nearest and not self._cubes and self.backend == COMPILED:  # NumPy takes all beams at once, to the same bits
+        kernels = endpoints.kernels_over(self.field, self.backend, "likelihood_field")
+        if nearest and not self._cubes and kernels is not None:  # NumPy takes all beams at once, to the same bits
             return self.table(beams.r_max)[self._look_up(beams, pose[np.newaxis])[:, 0]]
         likelihood = self.likelihood(self.distances(beams, pose[np.newaxis]), beams.r_max)
         return floored_log(likelihood[0], FLOOR)

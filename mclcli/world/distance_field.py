@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, final
 import numpy as np
 
 from mclcli.errors import UsageError
-from mclcli.native.backend import Backend, choose
+from mclcli.native.backend import Backend, by_size
 from mclcli.world.squared_distance import squared_distances
 
 if TYPE_CHECKING:
@@ -149,7 +149,7 @@ def _brushfire(occupied: BoolArray, reach: float, backend: Backend | None) -> Fl
     """Shortest 8-neighbour path lengths [cells], steps 1 and √2; right at least up to ``reach``."""
     distance = np.where(occupied, 0.0, np.inf)
     rounds = min(math.ceil(reach), sum(occupied.shape))
-    kernels = (backend or choose(8.0 * rounds * distance.size)).kernels("brushfire")
+    kernels = (backend or by_size(8.0 * rounds * distance.size)).kernels("brushfire")
     if kernels is not None:
         kernels.two_pass_chamfer(distance)
         return distance

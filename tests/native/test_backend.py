@@ -26,8 +26,35 @@ LENGTH = str(2.0 + math.sqrt(2.0) - 1.0 + math.sqrt(2.0))
 KERNELS = Path(backend.__file__).parents[1] / "kernels"
 
 
-def test_the_choice_is_a_function_of_the_jobs_size() -> None:
-    assert [backend.choose(steps).name for steps in (0.0, 1e6, 1e9, 1e12)] == ["numpy", "numpy", "compiled", "compiled"]
+@pytest.mark.parametrize(
+    ("steps", "rounds", "chosen"),
+    [
+        (0, 0, "numpy"),
+        (1e6, 0, "numpy"),
+        (3e7, 0, "kept"),
+        (2e6, 2e4, "kept"),
+        (2e5, 60, "numpy"),
+        (1e9, 0, "compiled"),
+    ],
+)
+def test_the_choice_is_a_function_of_the_jobs_size(steps: float, rounds: float, chosen: str) -> None:
+    assert backend.choose(steps, rounds).name == chosen
+    assert backend.by_size(steps).name == ("compiled" if chosen == "compiled" else "numpy")
+
+
+KEPT = """
+import sys
+from mclcli.native import backend
+for name in ("brushfire", "trigonometry"):
+    print(backend.KEPT.kernels(name) is not None, "llvmlite" in sys.modules, "numba" in sys.modules)
+"""
+
+
+def test_what_is_kept_is_used_and_nothing_is_compiled_for_it(tmp_path: Path) -> None:
+    assert in_a_process(KEPT, tmp_path).communicate(timeout=120)[0].split() == ["False"] * 6
+    in_a_process(USE, tmp_path).communicate(timeout=120)
+    expected = "True True False\nFalse True False\n"
+    assert in_a_process(KEPT, tmp_path).communicate(timeout=120)[0] == expected
 
 
 def test_kernels_are_loaded_once_and_kept_where_the_cache_is() -> None:

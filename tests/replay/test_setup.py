@@ -101,7 +101,8 @@ def test_the_job_is_as_large_as_what_is_scored() -> None:
     settings, start = profiles.build({"max_beams": 12, "particles": 34}), AroundPose(np.zeros(3), np.eye(3))
     sizes: list[float] = []
 
-    def noted(steps: float) -> Backend:
+    def noted(steps: float, rounds: float) -> Backend:
+        assert steps == 34 * rounds
         sizes.append(steps)
         return NUMPY
 

@@ -34,7 +34,7 @@ def instruments(
     from mclcli.sensors.bearing import BearingModel
     from mclcli.sensors.instruments import Camera, Lidar
 
-    backend = choose(poses * scan.scan.ranges.size)
+    backend = choose(poses * scan.scan.ranges.size, rounds=scan.scan.ranges.size)
     make_field = lambda *what, **how: cached_field(*what, **how)[0]  # noqa: E731
     model = lidar_model(grid, settings, make_field, backend, arguments["threads"])
     temperature = arguments["temperature"]
