@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _CONVERGED_RADIUS = 0.5  # [m], as nav2_amcl's dist_threshold
 _CONVERGED_SHARE = 0.95  # nav2_amcl asks for all, which some drawn anew would always spoil
 _THINNED = 2000
+_UNBUFFERED = 8192
 _LOWER = np.tril_indices(3)
 
 
@@ -74,7 +75,7 @@ def weighted_mean(poses: FloatArray, weights: FloatArray, backend: Backend = NUM
         kernels.mean_and_covariance(np.ascontiguousarray(poses), weights, pose, covariance, *scratch)
         return Estimate(pose, covariance)
     columns = np.ascontiguousarray(poses.T)
-    x, y, c, s = (weights * np.array([columns[0], columns[1], *cos_sin(columns[2])])).sum(axis=1).tolist()
+    x, y, c, s = _sums(weights * np.array([columns[0], columns[1], *cos_sin(columns[2])])).tolist()
     mean = np.array([x, y, math.atan2(s, c)])
     residual = columns - mean[:, np.newaxis]
     residual[2] = se2.wrap(residual[2])
@@ -85,8 +86,21 @@ def _covariance(residual: FloatArray, weights: FloatArray) -> FloatArray:
     """Σ W r rᵀ of r (3, N) by fixed-order sums: BLAS may order them by the number of its threads."""
     one, other = _LOWER
     covariance = np.empty((3, 3))
-    covariance[one, other] = covariance[other, one] = ((weights * residual)[one] * residual[other]).sum(axis=1)
+    covariance[one, other] = covariance[other, one] = _sums((weights * residual)[one] * residual[other])
     return covariance
+
+
+def _sums(rows: FloatArray) -> FloatArray:
+    """Sum (K,) of each row (K, N) in the order of ``mclcli.kernels.moments``.
+
+    NumPy's own order is that up to 8,192 terms; of longer rows some versions add buffers up one by one.
+    """
+    count = rows.shape[1]
+    if count <= _UNBUFFERED:
+        return np.asarray(rows.sum(axis=1))
+    half = count // 2
+    half -= half % 8
+    return _sums(rows[:, :half]) + _sums(rows[:, half:])
 
 
 def has_converged(poses: FloatArray, estimate: Estimate, backend: Backend = NUMPY) -> bool:

@@ -210,12 +210,12 @@ def _object_code(kernel: str, library: Any) -> bytes:  # noqa: ANN401
 
 @functools.cache
 def _digest() -> str:
-    from importlib.metadata import version
-
     import llvmlite.binding as llvm
 
+    from mclcli.native.versions import installed
+
     cpu = f"{llvm.get_host_cpu_name()} {_processor_features()}"
-    digest = hashlib.sha256(f"{sys.version} {version('numba')} {version('llvmlite')} {cpu}".encode())
+    digest = hashlib.sha256(f"{sys.version} {installed('numba')} {installed('llvmlite')} {cpu}".encode())
     here = Path(__file__).parents[1]
     for path in (here / "native/array_gate.py", *sorted((here / "kernels").glob("*.py"))):
         digest.update(path.read_bytes())

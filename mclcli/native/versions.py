@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+import importlib
 import sys
 from typing import Final
 
@@ -18,17 +20,23 @@ TESTED: Final[dict[str, tuple[Version, Version]]] = {
 def untested() -> str:
     """What is here in a version that has not been tested, with the range that has; empty if nothing is."""
     for name, (first, last) in TESTED.items():
-        text = _version(name)
+        text = installed(name)
         if not first <= _major_and_minor(text) <= last:
             (a, b), (c, d) = first, last
             return f"{name} {text} (tested: {a}.{b} to {c}.{d})"
     return ""
 
 
-def _version(name: str) -> str:
+@functools.cache
+def installed(name: str) -> str:
+    """Version of what is here, without importing the compiler."""
+    if name == "python":
+        return f"{sys.version_info.major}.{sys.version_info.minor}"
+    if name in {"numpy", "llvmlite"}:  # imported anyway, and asking for metadata takes some milliseconds each
+        return str(importlib.import_module(name).__version__)
     from importlib.metadata import version
 
-    return f"{sys.version_info.major}.{sys.version_info.minor}" if name == "python" else version(name)
+    return version(name)
 
 
 def _major_and_minor(text: str) -> Version:
