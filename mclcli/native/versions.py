@@ -11,7 +11,7 @@ Version = tuple[int, int]
 
 TESTED: Final[dict[str, tuple[Version, Version]]] = {
     "python": ((3, 11), (3, 13)),
-    "numpy": ((1, 26), (2, 4)),
+    "numpy": ((1, 26), (2, 5)),
     "numba": ((0, 61), (0, 68)),
     "llvmlite": ((0, 44), (0, 50)),
 }
