@@ -157,7 +157,7 @@ def finder_of(mapped: Building) -> GlobalSearch:
     """The search over a building's map, with default settings."""
     grid = OccupancyGrid(mapped.grid, mapped.resolution, np.array(mapped.origin))
     settings = profiles.build({})
-    model = lidar_model(grid, settings, distance_field.compute, 0.0)
+    model = lidar_model(grid, settings, distance_field.compute)
     assert isinstance(model, LikelihoodField)  # noqa: S101
     return make_global_search(grid, model, settings, pyramid.build)
 

@@ -17,7 +17,7 @@ from scipy.special import ndtr
 
 from benchmarks.measure import alternate, table, timed
 from mclcli.io.maps.map_yaml import load_map
-from mclcli.native import backend
+from mclcli.native.backend import COMPILED, load
 from mclcli.sensors.beams import Beams
 from mclcli.sensors.bearing import BearingModel, BearingParameters, Bearings
 from mclcli.sensors.models import LIDAR_MODELS
@@ -162,17 +162,17 @@ def rows() -> list[tuple[str, str, str]]:
     for name, (model, changes, plain) in CASES.items():
         settings = profiles.build(changes, model=model)
         entry = LIDAR_MODELS[model]
-        lidar = entry.make(seen.grid, getattr(settings, entry.group), distance_field.compute, np.inf, 1)
+        lidar = entry.make(seen.grid, getattr(settings, entry.group), distance_field.compute, COMPILED, 1)
         score = lidar.measure("lidar", seen.beams).log_likelihood
         found.append(row(name, score, partial(plain, seen, metres), seen.poses, count))
     rng = np.random.default_rng(1)
     landmarks, angles = rng.uniform(-8, 8, (count, 2)), rng.uniform(-3, 3, count)
     bearings = Bearings(np.zeros(2), angles, landmarks, 0)
-    score = BearingModel(BearingParameters(), np.inf).measure("vision", bearings).log_likelihood
+    score = BearingModel(BearingParameters(), COMPILED).measure("vision", bearings).log_likelihood
     found.append(row("bearings", score, partial(plain_bearing, landmarks, angles), seen.poses, count))
     return found
 
 
 if __name__ == "__main__":
-    backend.load("likelihood_field")
+    load("likelihood_field")
     print(table(rows()))

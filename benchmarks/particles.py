@@ -10,6 +10,7 @@ from benchmarks.measure import alternate, timed
 from mclcli import rng
 from mclcli.filter import clusters, estimate, kld, resampling, weights
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
+from mclcli.native.backend import COMPILED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +26,7 @@ def rows() -> list[Row]:
     poses = np.column_stack([draws.normal(0, 0.3, (N, 2)), draws.normal(0, 0.1, N)])
     log_weights = draws.normal(0, 1, N)
     normalised = weights.normalise(log_weights)
-    motion, increment = DifferentialMotion(DifferentialParameters()), np.array([0.1, 0.0, 0.05])
+    motion, increment = DifferentialMotion(DifferentialParameters(), COMPILED), np.array([0.1, 0.0, 0.05])
     wanted = kld.KldParameters(min_particles=N, max_particles=N + 1)
 
     def move() -> object:
@@ -35,14 +36,16 @@ def rows() -> list[Row]:
     def renew() -> object:
         shares = weights.normalise(log_weights)
         weights.effective_sample_size(shares)
-        mean = estimate.weighted_mean(poses, shares)
-        return mean, poses.take(resampling.systematic(shares, N, np.random.default_rng(1)), axis=0)
+        mean = estimate.weighted_mean(poses, shares, COMPILED)
+        return mean, poses.take(resampling.systematic(shares, N, np.random.default_rng(1), COMPILED), axis=0)
 
     return [
         _row("motion, random numbers included", "≤ 60 ns", move),
         _row("normalise, ESS, resample, estimate", "≤ 40 ns", renew),
-        _row("clusters and their moments", "≤ 100 ns", lambda: clusters.find(poses, normalised)),
-        _row("bins and size of KLD", "≤ 100 ns", lambda: kld.kld_size(poses, wanted, np.random.default_rng(2))),
+        _row("clusters and their moments", "≤ 100 ns", lambda: clusters.find(poses, normalised, backend=COMPILED)),
+        _row(
+            "bins and size of KLD", "≤ 100 ns", lambda: kld.kld_size(poses, wanted, np.random.default_rng(2), COMPILED)
+        ),
     ]
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from benchmarks.drive import MAP
 from benchmarks.measure import alternate, timed
 from mclcli.io.maps.map_yaml import load_map
+from mclcli.native.backend import COMPILED
 from mclcli.sensors.beam import BeamModel
 from mclcli.sensors.beam_forms import BeamParameters
 from mclcli.sensors.beams import Beams
@@ -38,7 +39,7 @@ class Job:
     def score(self, *, threads: int = 1, **parameters: Any) -> Callable[[], FloatArray]:  # noqa: ANN401
         """Scores all poses."""
         settings = LikelihoodFieldParameters(**parameters)
-        model = LikelihoodField(self.field, settings, job_size=np.inf, threads=threads)
+        model = LikelihoodField(self.field, settings, COMPILED, threads)
         log_likelihood = model.measure("lidar", self.beams).log_likelihood
         return lambda: log_likelihood(self.poses)
 
@@ -152,7 +153,7 @@ def bearings() -> Row:
     """Bearings to landmarks, against as many beams of a field."""
     rng, job = np.random.default_rng(0), concentrated(2000, 60)
     seen = Bearings(np.zeros(2), rng.uniform(-3, 3, 60), rng.uniform(0, 30, (60, 2)), 0)
-    score = BearingModel(BearingParameters(), np.inf).measure("vision", seen).log_likelihood
+    score = BearingModel(BearingParameters(), COMPILED).measure("vision", seen).log_likelihood
     pair = alternate(timed(lambda: score(job.poses)), timed(job.score(), 5), 9)
     return (
         "bearings, 2,000 × 60",

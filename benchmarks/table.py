@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from benchmarks import fields, particles, runs, scoring
 from benchmarks.measure import table
-from mclcli.native import backend
+from mclcli.native.backend import load
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -42,7 +42,7 @@ def main() -> None:
     options.add_argument("parts", nargs="*", default=list(PARTS), help=", ".join(PARTS))
     chosen = options.parse_args()
     for name in ("likelihood_field", "particles", "trigonometry"):
-        backend.load(name)
+        load(name)
     rows = [row for part in chosen.parts for row in PARTS[part]()]
     if chosen.stream:
         rows.append(runs.stream(chosen.stream))

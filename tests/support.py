@@ -6,20 +6,22 @@ import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 
-from mclcli.native import backend
+from mclcli.native.backend import COMPILED, NUMPY
 from mclcli.records import LandmarkSightings, LaserScan, Odometry, Transform
 from mclcli.world.occupancy import FREE, OCCUPIED, OccupancyGrid
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import pytest
     from numpy.typing import ArrayLike
 
     from mclcli.arrays import FloatArray
 
 SECOND = 1_000_000_000
+BACKENDS = (NUMPY, COMPILED)
+each_backend = pytest.mark.parametrize("backend", BACKENDS, ids=lambda backend: backend.name)
 
 
 def grid_of(occupied: ArrayLike, resolution: float = 1.0, origin: Sequence[float] = (0.0, 0.0, 0.0)) -> OccupancyGrid:
@@ -61,8 +63,3 @@ def level(*bearings: float) -> FloatArray:
 def transform(stamp_ns: int, parent: str, child: str, matrix: FloatArray, *, static: bool = False) -> Transform:
     """One edge of the tree of frames."""
     return Transform(stamp_ns, parent, child, matrix, static)
-
-
-def use_compiled(monkeypatch: pytest.MonkeyPatch, *, always: bool) -> None:
-    """Take the compiled path for every job, or NumPy's for every job."""
-    monkeypatch.setattr(backend, "_STEPS_WORTH_COMPILING", 0.0 if always else math.inf)

@@ -36,7 +36,7 @@ def global_search(
     """The search that the settings ask for; with the beam model, the likelihood field finds what that model weighs."""
     if settings.model == "beam":
         settings = dataclasses.replace(settings, model="likelihood_field")
-    model = lidar_model(grid, settings, lambda *what, **how: cached_field(*what, **how)[0], 0.0)
+    model = lidar_model(grid, settings, lambda *what, **how: cached_field(*what, **how)[0])
     assert isinstance(model, LikelihoodField)  # noqa: S101 - that is what the model was set to
     return finder.make_global_search(
         grid,

@@ -12,13 +12,15 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli.filter.kld import YAW_BINS, bins, number_compiled, pack
+from mclcli.filter.kld import YAW_BINS, bins, number_bins, pack
 from mclcli.geometry import se2
 from mclcli.geometry.trigonometry import cos_sin
-from mclcli.native import backend
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.records import Estimate
 
 if TYPE_CHECKING:
+    from types import SimpleNamespace
+
     from mclcli.arrays import FloatArray, IntArray
 
 _HALF_OF_26 = [offset for offset in itertools.product((-1, 0, 1), repeat=3) if offset > (0, 0, 0)]
@@ -48,32 +50,35 @@ class Clusters:
         return Estimate(self.means[0], self.covariances[0])
 
 
-def find(poses: FloatArray, weights: FloatArray, *, wrap_yaw: bool = True) -> Clusters:
+def find(poses: FloatArray, weights: FloatArray, *, wrap_yaw: bool = True, backend: Backend = NUMPY) -> Clusters:
     """Clusters of poses (N, 3) with weights (N,) ≥ 0, N ≥ 1; O(N log N).
 
     A cluster without weight counts its particles equally. Without ``wrap_yaw`` headings of −π and π are apart.
     """
-    index = bins(poses, wrap_yaw=wrap_yaw)
-    component = np.zeros(len(index), np.int64) if _all_touch(index) else _components(index, wrap_yaw=wrap_yaw)
+    index = bins(poses, wrap_yaw=wrap_yaw, backend=backend)
+    together = _all_touch(index, backend)
+    component = np.zeros(len(index), np.int64) if together else _components(index, backend, wrap_yaw=wrap_yaw)
     labels, total = _heaviest_first(component, weights)
     share = _share(labels, weights, total)
-    means, resultants = _means(poses, labels, share)
-    return Clusters(labels, total, means, _covariances(poses, means, labels, share), resultants)
+    means, resultants = _means(poses, labels, share, backend)
+    return Clusters(labels, total, means, _covariances(poses, means, labels, share, backend), resultants)
 
 
-def _all_touch(index: IntArray) -> bool:
+def _all_touch(index: IntArray, backend: Backend) -> bool:
     """Whether bins (N, 3) all touch each other, as those of a tracked robot do."""
-    if not backend.in_use():
+    kernels = backend.kernels("particles")
+    if kernels is None:
         return bool((index.max(axis=0) - index.min(axis=0) <= 1).all())
     widths = np.empty(3, np.int64)
-    backend.load("particles").widths(index, widths)
+    kernels.widths(index, widths)
     return bool(widths.max() <= 1)
 
 
-def _components(index: IntArray, *, wrap_yaw: bool) -> IntArray:
+def _components(index: IntArray, backend: Backend, *, wrap_yaw: bool) -> IntArray:
     """Component (N,) of each particle's bin (N, 3), numbered in the order of their first particles."""
-    if backend.in_use():
-        return _components_compiled(index, wrap_yaw=wrap_yaw)
+    kernels = backend.kernels("particles")
+    if kernels is not None:
+        return _components_compiled(kernels, index, wrap_yaw=wrap_yaw)
     keys, strides = pack(index)
     occupied, first, bin_of = np.unique(keys, return_index=True, return_inverse=True)
     edges = _edges(occupied, np.arange(occupied.size), np.array(_HALF_OF_26) @ strides)
@@ -85,11 +90,11 @@ def _components(index: IntArray, *, wrap_yaw: bool) -> IntArray:
     return np.argsort(np.argsort(first))[component.reshape(-1)]
 
 
-def _components_compiled(index: IntArray, *, wrap_yaw: bool) -> IntArray:
+def _components_compiled(kernels: SimpleNamespace, index: IntArray, *, wrap_yaw: bool) -> IntArray:
     """The same: bins are numbered as they first appear, so the least number in a component is its first particle's."""
-    number, first, table = number_compiled(index)
+    number, first, table = number_bins(kernels, index)
     root = np.empty(first.size, np.int64)
-    backend.load("particles").join_neighbours(index, first, table, YAW_BINS if wrap_yaw else 0, root)
+    kernels.join_neighbours(index, first, table, YAW_BINS if wrap_yaw else 0, root)
     is_root = root == np.arange(root.size)
     return (np.cumsum(is_root) - 1)[root][number]
 
@@ -133,13 +138,12 @@ def _share(labels: IntArray, weights: FloatArray, total: FloatArray) -> FloatArr
     return np.divide(weights, total[labels], out=equal[labels], where=total[labels] > 0.0)
 
 
-def _means(poses: FloatArray, labels: IntArray, share: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _means(poses: FloatArray, labels: IntArray, share: FloatArray, backend: Backend) -> tuple[FloatArray, FloatArray]:
     """Means (C, 3) and mean resultant lengths (C,)."""
     sums = np.zeros((int(labels.max()) + 1, 4))
-    if backend.in_use():
-        backend.load("particles").mean_sums_by_label(
-            np.ascontiguousarray(poses), labels, share, sums, np.empty((3, 512))
-        )
+    kernels = backend.kernels("particles")
+    if kernels is not None:
+        kernels.mean_sums_by_label(np.ascontiguousarray(poses), labels, share, sums, np.empty((3, 512)))
     else:
         for i, values in enumerate((poses[:, 0], poses[:, 1], *cos_sin(poses[:, 2]))):
             sums[:, i] = np.bincount(labels, share * values)
@@ -147,12 +151,12 @@ def _means(poses: FloatArray, labels: IntArray, share: FloatArray) -> tuple[Floa
     return np.stack([x, y, np.arctan2(s, c)], axis=-1), np.minimum(np.hypot(c, s), 1.0)
 
 
-def _covariances(poses: FloatArray, means: FloatArray, labels: IntArray, share: FloatArray) -> FloatArray:
-    covariances = np.zeros((means.shape[0], 3, 3))
-    if backend.in_use():
-        backend.load("particles").covariance_sums_by_label(
-            np.ascontiguousarray(poses), labels, share, means, covariances
-        )
+def _covariances(
+    poses: FloatArray, means: FloatArray, labels: IntArray, share: FloatArray, backend: Backend
+) -> FloatArray:
+    covariances, kernels = np.zeros((means.shape[0], 3, 3)), backend.kernels("particles")
+    if kernels is not None:
+        kernels.covariance_sums_by_label(np.ascontiguousarray(poses), labels, share, means, covariances)
     else:
         residual = poses - means[labels]
         residual[:, 2] = se2.wrap(residual[:, 2])

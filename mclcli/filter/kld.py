@@ -17,10 +17,12 @@ import numpy as np
 
 from mclcli.errors import UsageError
 from mclcli.geometry import se2
-from mclcli.native import backend
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
+    from types import SimpleNamespace
+
     from numpy.typing import ArrayLike
 
     from mclcli.arrays import BoolArray, FloatArray, IntArray
@@ -98,29 +100,29 @@ def limit(k: ArrayLike, parameters: KldParameters) -> IntArray:
     return np.where(unlimited, largest, enough).astype(np.int64)
 
 
-def kld_size(drawn: FloatArray, parameters: KldParameters, rng: np.random.Generator) -> int:
+def kld_size(drawn: FloatArray, parameters: KldParameters, rng: np.random.Generator, backend: Backend = NUMPY) -> int:
     """Particles that a belief needs: drawn poses (n, 3) are visited in random order until there are enough of them.
 
     Returns the first n* with n* ≥ ``limit`` of the bins seen so far, at most max_particles; all n if there never are
     enough. ``drawn`` are the poses of max_particles ancestors.
     """
-    fresh = _first_of_its_bin(bins(drawn)[rng.permutation(drawn.shape[0])])
+    fresh = _first_of_its_bin(bins(drawn, backend=backend)[rng.permutation(drawn.shape[0])], backend)
     seen = np.cumsum(fresh)
     limits = limit(np.arange(seen[-1] + 1), parameters)
     enough = np.arange(1, seen.size + 1) >= limits[seen]
     return int(np.argmax(enough)) + 1 if enough.any() else int(seen.size)
 
 
-def bins(poses: FloatArray, *, wrap_yaw: bool = True) -> IntArray:
+def bins(poses: FloatArray, *, wrap_yaw: bool = True, backend: Backend = NUMPY) -> IntArray:
     """Bins (N, 3) of 0.5 m × 0.5 m × 10° that poses (N, 3) fall into.
 
     With ``wrap_yaw`` the bins of yaw are −18 … 17 all around; without it the number goes on over the half turn, as in
     nav2_amcl, so that one heading has many bins.
     """
-    index = np.empty(poses.shape, dtype=np.int64)
-    if backend.in_use():
+    index, kernels = np.empty(poses.shape, dtype=np.int64), backend.kernels("particles")
+    if kernels is not None:
         turn = YAW_BINS if wrap_yaw else 0
-        backend.load("particles").bins(np.ascontiguousarray(poses), BIN_XY, float(BIN_YAW), turn, index)
+        kernels.bins(np.ascontiguousarray(poses), BIN_XY, float(BIN_YAW), turn, index)
         return index
     index[:, :2] = np.floor(poses[:, :2] / BIN_XY)
     yaw = np.floor((se2.wrap(poses[:, 2]) if wrap_yaw else poses[:, 2]) / BIN_YAW).astype(np.int64)
@@ -128,20 +130,22 @@ def bins(poses: FloatArray, *, wrap_yaw: bool = True) -> IntArray:
     return index
 
 
-def _first_of_its_bin(index: IntArray) -> BoolArray:
+def _first_of_its_bin(index: IntArray, backend: Backend) -> BoolArray:
     """Whether each row (N, 3) is the first with its bin."""
-    fresh = np.zeros(index.shape[0], dtype=np.bool_)
-    fresh[number_compiled(index)[1] if backend.in_use() else np.unique(pack(index)[0], return_index=True)[1]] = True
+    fresh, kernels = np.zeros(index.shape[0], dtype=np.bool_), backend.kernels("particles")
+    first = np.unique(pack(index)[0], return_index=True)[1] if kernels is None else number_bins(kernels, index)[1]
+    fresh[first] = True
     return fresh
 
 
-def number_compiled(
-    index: IntArray,
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Number (N,) of each bin (N, 3) in the order they first appear, where each of the C does, and the hash table."""
+def number_bins(kernels: SimpleNamespace, index: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Number (N,) of each bin (N, 3) in the order they first appear, where each of the C does, and the hash table.
+
+    ``kernels`` are those of ``particles``.
+    """
     number, first, count = np.empty(index.shape[0], np.int64), np.empty(index.shape[0], np.int64), np.zeros(1, np.int64)
     table = np.full(1 << (2 * index.shape[0]).bit_length(), -1)
-    backend.load("particles").number_bins(index, number, first, count, table)
+    kernels.number_bins(index, number, first, count, table)
     return number, first[: count[0]], table
 
 

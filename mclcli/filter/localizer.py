@@ -17,6 +17,7 @@ from mclcli.filter import estimate, fit, recovery, temperature, weights
 from mclcli.filter.kld import KldParameters, kld_size
 from mclcli.filter.recovery import RecoveryParameters
 from mclcli.filter.resampling import RESAMPLERS
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.records import StepRecord
 
 if TYPE_CHECKING:
@@ -77,13 +78,17 @@ class _Weighed(NamedTuple):
 @final
 @dataclass(frozen=True, slots=True)
 class Localizer:
-    """A motion model, the filter's parameters and a seed: everything a step needs besides the data."""
+    """A motion model, the filter's parameters and a seed: everything a step needs besides the data.
+
+    ``backend`` runs the loops over particles; it does not change what comes out.
+    """
 
     motion: MotionModel
     parameters: FilterParameters
     seed: int
     size: KldParameters = field(default_factory=KldParameters)
     recovery: RecoveryParameters = field(default_factory=RecoveryParameters)
+    backend: Backend = NUMPY
 
     def step(
         self,
@@ -119,7 +124,9 @@ class Localizer:
             after.step,
             after.poses,
             after.log_weights,
-            correlations=known if sought else temperature.observe(measurements, record.estimate.pose, known),
+            correlations=known
+            if sought
+            else temperature.observe(measurements, record.estimate.pose, known, self.backend),
             way=(0.0, 0.0) if record.resampled else way,
             averages=None if record.injected and self.recovery.forgets else averages,
         )
@@ -188,11 +195,16 @@ class Localizer:
         """What these particles say, in full only when it is to be reported; the record's fields by name."""
         p = self.parameters
         if p.estimate != when:
-            return {"estimate": estimate.weighted_mean(poses, normalised), "converged": False}
+            return {"estimate": estimate.weighted_mean(poses, normalised, self.backend), "converged": False}
         belief, hypotheses = estimate.report(
-            poses, normalised, mean_of=p.estimate_mean, covariance_of=p.estimate_covariance, most=p.hypotheses
+            poses,
+            normalised,
+            mean_of=p.estimate_mean,
+            covariance_of=p.estimate_covariance,
+            most=p.hypotheses,
+            backend=self.backend,
         )
-        converged = estimate.has_converged(poses, belief)
+        converged = estimate.has_converged(poses, belief, self.backend)
         return {"estimate": belief, "hypotheses": hypotheses, "converged": converged}
 
     def _observe(self, averages: Averages | None, record: StepRecord) -> Averages | None:
@@ -225,7 +237,7 @@ class Localizer:
         n = self._wanted_size(record, anew)
         anew = anew[: round(share * n)]
         draws = rng.stream(self.seed, rng.Purpose.RESAMPLE, record.step)
-        ancestors = resampler(record.weights, n - anew.shape[0], draws)
+        ancestors = resampler(record.weights, n - anew.shape[0], draws, self.backend)
         poses = record.poses.take(ancestors, axis=0)
         if anew.size:
             poses = np.concatenate([poses, anew])
@@ -237,8 +249,9 @@ class Localizer:
         if self.size.fixed:
             return largest
         draws = rng.stream(self.seed, rng.Purpose.KLD, record.step)
-        pilot = RESAMPLERS[self.parameters.resampler](record.weights, largest - anew.shape[0], draws)
-        return kld_size(np.concatenate([record.poses.take(pilot, axis=0), anew]), self.size, draws)
+        resampler = RESAMPLERS[self.parameters.resampler]
+        pilot = resampler(record.weights, largest - anew.shape[0], draws, self.backend)
+        return kld_size(np.concatenate([record.poses.take(pilot, axis=0), anew]), self.size, draws, self.backend)
 
 
 def _carry(record: StepRecord, log_total: float) -> FilterState:

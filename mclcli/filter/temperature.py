@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Final, final
 import numpy as np
 
 from mclcli.filter import fit, weights
-from mclcli.native import backend
+from mclcli.native.backend import NUMPY, Backend
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -57,21 +57,22 @@ class Correlation:
         return min(highest, max(lowest, 1.0 / (1.0 + 2.0 * total)))
 
 
-def correlate(each: FloatArray, before: Correlation | None = None) -> Correlation:
+def correlate(each: FloatArray, before: Correlation | None = None, backend: Backend = NUMPY) -> Correlation:
     """Take one more scan's per-beam log p (K,) into the running autocovariances."""
     own = float(each.sum()) / each.size
     mean = own if before is None else (1.0 - _AUTO_MEMORY) * before.mean + _AUTO_MEMORY * own
-    covariances = _lagged_sums(each - mean) / each.size
+    covariances = _lagged_sums(each - mean, backend) / each.size
     if before is not None:
         covariances = (1.0 - _AUTO_MEMORY) * before.covariances + _AUTO_MEMORY * covariances
     return Correlation(mean, covariances)
 
 
-def _lagged_sums(centred: FloatArray) -> FloatArray:
+def _lagged_sums(centred: FloatArray, backend: Backend) -> FloatArray:
     """Σ_i c_i c_{i+lag} (``_MAX_LAG`` + 1,) of values (K,), zero beyond the last. No BLAS: it sums by threads."""
-    if backend.in_use():
+    kernels = backend.kernels("moments")
+    if kernels is not None:
         sums = np.empty(_MAX_LAG + 1)
-        backend.load("moments").lagged_sums(centred, sums, np.empty(128), np.empty((65, 1)))
+        kernels.lagged_sums(centred, sums, np.empty(128), np.empty((65, 1)))
         return sums
     shifted = np.concatenate([centred, np.zeros(_MAX_LAG)])[_LAGS + np.arange(centred.size)]  # (lags, K)
     return np.asarray((shifted * centred).sum(axis=1))
@@ -138,11 +139,15 @@ def _alpha(measurement: Measurement, correlations: Mapping[str, Correlation], es
 
 
 def observe(
-    measurements: Sequence[Measurement], pose: FloatArray, correlations: Mapping[str, Correlation]
+    measurements: Sequence[Measurement],
+    pose: FloatArray,
+    correlations: Mapping[str, Correlation],
+    backend: Backend = NUMPY,
 ) -> dict[str, Correlation]:
     """Correlations after looking at the beams of every ``auto`` measurement from a pose (3,)."""
     updated = dict(correlations)
     for measurement in measurements:
         if measurement.alpha == AUTO and measurement.each is not None and measurement.count > 1:
-            updated[measurement.sensor] = correlate(measurement.each(pose), correlations.get(measurement.sensor))
+            before = correlations.get(measurement.sensor)
+            updated[measurement.sensor] = correlate(measurement.each(pose), before, backend)
     return updated

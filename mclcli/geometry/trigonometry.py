@@ -1,4 +1,4 @@
-"""Cosine and sine from IEEE arithmetic alone: the same bits from NumPy and from compiled code, on every machine.
+"""Cosine, sine and angle from IEEE arithmetic alone: the same bits from NumPy and from compiled code, on every machine.
 
 Libraries differ in the last bit, and one of them takes twice as long as the rest of scoring a particle. This is
 fdlibm's method: reduce by multiples of π/2 in three parts of 33 bits, then a polynomial for each. Within 1 ulp.
@@ -7,30 +7,26 @@ Source: fdlibm 5.3, k_sin.c, k_cos.c and e_rem_pio2.c.
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli.native import backend
+from mclcli.native.backend import NUMPY, Backend
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
 
-
-def cos_sin(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Cosine and sine (N,) of angles (N,) [rad] up to a million; beyond, they lose digits.
-
-    Compiled code, which gives the same bits, does it where a larger job has brought it into this process.
-    """
-    if not backend.in_use():
-        return by_numpy(angles)
-    cos, sin = np.empty(angles.shape), np.empty(angles.shape)
-    backend.load("trigonometry").cos_sin(np.ascontiguousarray(angles), cos, sin)
-    return cos, sin
+_TAN_PI_8 = math.sqrt(2.0) - 1.0
 
 
-def by_numpy(angles: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The formula of ``cos_sin``."""
+def cos_sin(angles: FloatArray, backend: Backend = NUMPY) -> tuple[FloatArray, FloatArray]:
+    """Cosine and sine (N,) of angles (N,) [rad] up to a million; beyond, they lose digits."""
+    kernels = backend.kernels("trigonometry")
+    if kernels is not None:
+        cos, sin = np.empty(angles.shape), np.empty(angles.shape)
+        kernels.cos_sin(np.ascontiguousarray(angles), cos, sin)
+        return cos, sin
     turns = np.floor(angles * 0.6366197723675814 + 0.5)  # quarter turns, 2/π
     r = ((angles - turns * 1.57079632673412561417) - turns * 6.07710050630396597660e-11) - (
         turns * 2.02226624879595063154e-21
@@ -58,3 +54,22 @@ def _cosine(r: FloatArray) -> FloatArray:
     half = 0.5 * z
     w = 1.0 - half
     return np.asarray(w + (((1.0 - w) - half) + z * z * c))
+
+
+def unsigned_angle(along: FloatArray, across: FloatArray) -> FloatArray:
+    """Angle from 0 to π [rad] of vectors (along, ±across), any shape; within 6e-16.
+
+    In the octant beside the axis it is π/8 and the arc tangent of at most tan π/8, a polynomial whose error is 2e-17.
+    """
+    x, y = np.abs(along), np.abs(across)
+    low, high = np.minimum(x, y), np.maximum(x, y)
+    t = (low - _TAN_PI_8 * high) / (high + _TAN_PI_8 * low)
+    z = t * t
+    zz = z * z
+    near = (-0.3333333333333215 + z * 0.19999999999368284) + zz * (-0.14285714209567044 + z * 0.11111107021102413)
+    far = (-0.09090787705989976 + z * 0.07690112157649176) + zz * (-0.06641318145938455 + z * 0.05692890475881414)
+    fourth = zz * zz
+    p = near + fourth * (far + fourth * (-0.043587024628891795 + z * 0.02124248956926765))
+    angle = 0.125 * math.pi + (t + t * z * p)
+    angle = np.where(y > x, 0.5 * math.pi - angle, angle)
+    return np.where(along < 0.0, math.pi - angle, angle)

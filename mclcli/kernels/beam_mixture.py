@@ -11,7 +11,7 @@ import math
 import numba as nb
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels._exponential import _erfc, _exp, _exp_in_parts, _log
+from mclcli.kernels._fused import _erfc, _exp, _exp_in_parts, _log
 
 _ROWS = nb.types.Array(nb.float64, 2, "C", readonly=True)
 _NUMBERS = nb.types.Array(nb.int64, 1, "C", readonly=True)

@@ -2,21 +2,18 @@
 
 What bounds it: arithmetic in vectors, 80 instructions for a vector of particles and a landmark, one of them a division.
 A bearing's error is one arc tangent: the offset to the landmark is turned by the heading and by the bearing as seen, so
-that nothing is left to subtract and to wrap. Sixteen likelihoods are multiplied before a logarithm is taken.
+that nothing is left to subtract and to wrap. The caller has the same operations in NumPy, and the same bits.
 """
 
 from __future__ import annotations
 
-import math
-
 import numba as nb
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels._exponential import _exp, _fma, _log
+from mclcli.kernels._exponential import _exp2, _log
 from mclcli.kernels.trigonometry import _cos_sin, _unsigned_angle
 
 _BLOCK = 256  # particles whose products stay in the first-level cache while all landmarks pass over them
-_FACTORS = 16  # of at most 1e15 and at least 1e-15: their product neither overflows nor vanishes
 _POSES = nb.types.Array(nb.float64, 2, "C", readonly=True)
 
 
@@ -39,30 +36,30 @@ def _multiply(block, size, landmark_x, landmark_y, along, across, factor, peak, 
     for i in range(size):
         dx, dy = landmark_x - camera_x[i], landmark_y - camera_y[i]
         dx = 1.0 if (dx == 0.0) & (dy == 0.0) else dx  # as the arc tangent of 0/0 has it
-        ahead, left = _fma(cos[i], dx, sin[i] * dy), _fma(cos[i], dy, -(sin[i] * dx))
-        error = _unsigned_angle(_fma(along, ahead, across * left), _fma(across, ahead, -(along * left)))
-        p = _fma(peak, _exp(factor * (error * error)), rest)
+        ahead, left = cos[i] * dx + sin[i] * dy, cos[i] * dy - sin[i] * dx
+        error = _unsigned_angle(along * ahead + across * left, across * ahead - along * left)
+        p = peak * _exp2(factor * (error * error)) + rest
         product[i] *= max(p, floor)
 
 
-@nb.njit([nb.void(_POSES, _POSES, *(nb.float64,) * 5, nb.float64[::1], nb.float64[:, ::1])], **OPTIONS)
-def sum_log_p(poses, sightings, origin_x, origin_y, sigma, eps, floor, out, block):  # type: ignore[no-untyped-def]
+@nb.njit([nb.void(_POSES, _POSES, *(nb.float64,) * 6, nb.int64, nb.float64[::1], nb.float64[:, ::1])], **OPTIONS)
+def sum_log_p(  # type: ignore[no-untyped-def]
+    poses, sightings, origin_x, origin_y, factor, peak, rest, floor, factors, out, block
+):
     """Add to ``out`` (N,) the sum over bearings of log max(p, ``floor``) for ``poses`` (N, 3) of the base in map.
 
     ``sightings`` (4, M): the landmarks' x and y in map, cosine and sine of the bearings; ``origin`` is the camera's in
-    the base frame. Scratch: ``block`` (5, 256).
+    the base frame. p = peak·2^(factor·e²) + rest of a bearing's error e [rad]; ``factors`` of them are multiplied
+    before a logarithm is taken. Scratch: ``block`` (5, 256).
     """
-    peak, rest = (1.0 - eps) / (sigma * math.sqrt(2.0 * math.pi)), eps / (2.0 * math.pi)
-    factor = max(-0.5 / (sigma * sigma), -1e300)  # finite, so that an error of 0 is worth the peak whatever σ
     x, y, along, across = sightings[0], sightings[1], sightings[2], sightings[3]
-    most = _FACTORS if peak + rest < 1e15 else 1
     for start in range(0, poses.shape[0], _BLOCK):
         size, total = min(_BLOCK, poses.shape[0] - start), out[start : start + _BLOCK]
         product = block[4, :size]
         _place(poses[start : start + size], origin_x, origin_y, block)
-        for first in range(0, x.size, most):
+        for first in range(0, x.size, factors):
             product[:] = 1.0
-            for m in range(first, min(first + most, x.size)):
+            for m in range(first, min(first + factors, x.size)):
                 _multiply(block, size, x[m], y[m], along[m], across[m], factor, peak, rest, floor, product)
             for i in range(size):
                 total[i] += _log(product[i])

@@ -1,7 +1,8 @@
 """Sum of likelihoods of scan endpoints over a distance field that is interpolated between the centres of four cells.
 
 What bounds it: eight look-ups a particle and beam, four codes and their distances, and an exponential in vectors.
-Sixteen likelihoods are multiplied before a logarithm is taken.
+Several likelihoods are multiplied before a logarithm is taken. ``mclcli.sensors.interpolated_field`` has the same
+operations in NumPy.
 """
 
 from __future__ import annotations
@@ -13,10 +14,9 @@ import numpy as np
 
 from mclcli.kernels import OPTIONS
 from mclcli.kernels._cells import _clearance, _place
-from mclcli.kernels._exponential import _exp, _log
+from mclcli.kernels._exponential import _exp2, _log
 
 _BLOCK = 256  # particles whose sums stay in the first-level cache while all beams pass over them
-_FACTORS = 16  # of 1e-12 to 1e18: their product neither vanishes nor overflows
 _FLAT = nb.types.Array(nb.float64, 1, "C", readonly=True)
 _POSES = nb.types.Array(nb.float64, 2, "C", readonly=True)
 
@@ -24,7 +24,7 @@ _POSES = nb.types.Array(nb.float64, 2, "C", readonly=True)
 def _signature(code: nb.types.Type) -> object:
     codes, scratch = nb.types.Array(code, 1, "C", readonly=True), (nb.float64[:, ::1], nb.int32[:, ::1])
     size, frame = (nb.int64, nb.int64), (nb.float64,) * 7
-    return nb.void(codes, *size, _FLAT, *frame, _POSES, _FLAT, _FLAT, nb.boolean, nb.float64[::1], *scratch)
+    return nb.void(codes, *size, _FLAT, *frame, _POSES, _FLAT, _FLAT, nb.int64, nb.boolean, nb.float64[::1], *scratch)
 
 
 @nb.njit(**OPTIONS)
@@ -83,16 +83,15 @@ def _interpolate(block, size):  # type: ignore[no-untyped-def]
     """Distances between those of four cells, in the place of the first ones."""
     u, v, first, second, third, fourth = block[4], block[5], block[6], block[7], block[8], block[9]
     for i in range(size):
-        lower = (1.0 - u[i]) * first[i] + u[i] * second[i]
-        upper = (1.0 - u[i]) * third[i] + u[i] * fourth[i]
-        first[i] = (1.0 - v[i]) * lower + v[i] * upper
+        lower = first[i] + u[i] * (second[i] - first[i])
+        upper = third[i] + u[i] * (fourth[i] - third[i])
+        first[i] = lower + v[i] * (upper - lower)
 
 
 @nb.njit(**OPTIONS)
-def _distances(codes, levels, block, size, end_x, end_y, width, height, clearance, cells):  # type: ignore[no-untyped-def]
+def _distances(codes, levels, block, size, end_x, end_y, width, height, clear, cells):  # type: ignore[no-untyped-def]
     """Fill row 6 of ``block`` with the distances at a beam's endpoints; look-ups apart, so that the rest is vectors."""
-    found, off = block[6], block[10]
-    if math.hypot(end_x, end_y) + 1.0 < clearance:
+    if clear:
         _between_cells(block, size, end_x, end_y, width, cells)
         _look_up(codes, levels, block, size, width, cells)
         _interpolate(block, size)
@@ -100,8 +99,18 @@ def _distances(codes, levels, block, size, end_x, end_y, width, height, clearanc
     _between_cells_anywhere(block, size, end_x, end_y, width, height, cells)
     _look_up_anywhere(codes, levels, block, size, cells)
     _interpolate(block, size)
+    found, off = block[6], block[10]
     for i in range(size):
-        found[i] = max(found[i], off[i])
+        found[i] = off[i] if off[i] == np.inf else found[i]  # whatever the cell that stands in for it
+
+
+@nb.njit(**OPTIONS)
+def _multiply(found, size, law, result):  # type: ignore[no-untyped-def]
+    """Multiply ``result`` by p of each distance, none of them unknown or off the map."""
+    factor, amplitude, rest, furthest, floor = law[0], law[1], law[2], law[5], law[6]
+    for i in range(size):
+        d = min(found[i], furthest)
+        result[i] *= max(amplitude * _exp2(factor * (d * d)) + rest, floor)
 
 
 @nb.njit(**OPTIONS)
@@ -112,35 +121,42 @@ def _combine(found, size, law, cubes, result):  # type: ignore[no-untyped-def]
     for i in range(size):
         d = min(found[i], furthest)
         square = unknown if math.isnan(d) else d * d
-        p = amplitude * _exp(factor * square) + rest
+        p = amplitude * _exp2(factor * square) + rest
         p = off_map if found[i] == np.inf else p
         result[i] = result[i] + p * p * p if cubes else result[i] * max(p, floor)
 
 
 @nb.njit([_signature(code) for code in (nb.uint16, nb.uint32)], **OPTIONS)
 def sum_interpolated(  # type: ignore[no-untyped-def]
-    codes, height, width, levels, origin_x, origin_y, cos, sin, yaw, resolution, shift, poses, ends, law, cubes, out,
-    block, cells,
+    codes, height, width, levels, origin_x, origin_y, cos, sin, yaw, resolution, shift, poses, ends, law, factors,
+    cubes, out, block, cells,
 ):  # fmt: skip
     """Add to ``out`` (N,) the sum over beams of log max(p, floor), or of p³ with ``cubes``.
 
-    p = amplitude·e^(factor·d²) + rest with d the distance at the endpoint, at most the furthest [m]. ``codes`` (H·W,)
+    p = amplitude·2^(factor·d²) + rest with d the distance at the endpoint, at most the furthest [m]. ``codes`` (H·W,)
     unsigned, less than 2³¹ of them; ``levels`` (L,) [m], NaN for unknown cells; then where the cells lie (see
     ``endpoints.Anchoring.frame``); ``poses`` (N, 3) in map; ``ends`` (2·B,) [cells]: x of all endpoints from the base,
     then y. ``law`` (7,): factor ≤ 0 [1/m²], amplitude, rest, p off the map, d² [m²] that stands for unknown, furthest
-    distance, floor. Scratch: ``block`` (12, 256), ``cells`` (4, 256).
+    distance, floor. ``factors`` likelihoods are multiplied before a logarithm is taken. Scratch: ``block`` (12, 256),
+    ``cells`` (4, 256).
     """
     wide, high = np.int32(width), np.int32(height)
     end_x, end_y = ends[: ends.size // 2], ends[ends.size // 2 :]
-    most = _FACTORS if max(law[1] + law[2], law[3]) < 1e18 else 1
+    marked = False
+    for k in range(levels.size):
+        marked |= math.isnan(levels[k])
     for start in range(0, poses.shape[0], _BLOCK):
         size, total, result = min(_BLOCK, poses.shape[0] - start), out[start : start + _BLOCK], block[11]
         _place(poses[start : start + size], origin_x, origin_y, cos, sin, yaw, resolution, shift, block)
         clearance = _clearance(block[0, :size], block[1, :size], block[2], block[3], width, height)
-        for first in range(0, end_x.size, most):
+        for first in range(0, end_x.size, factors):
             result[:] = 0.0 if cubes else 1.0
-            for b in range(first, min(first + most, end_x.size)):
-                _distances(codes, levels, block, size, end_x[b], end_y[b], wide, high, clearance, cells)
-                _combine(block[6], size, law, cubes, result)
+            for b in range(first, min(first + factors, end_x.size)):
+                clear = math.hypot(end_x[b], end_y[b]) + 1.0 < clearance
+                _distances(codes, levels, block, size, end_x[b], end_y[b], wide, high, clear, cells)
+                if clear and not (marked or cubes):
+                    _multiply(block[6], size, law, result)
+                else:
+                    _combine(block[6], size, law, cubes, result)
             for i in range(size):
                 total[i] += result[i] if cubes else _log(result[i])

@@ -8,7 +8,6 @@ import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels._exponential import _fma
 
 _TURN = 2.0 * math.pi
 _ANGLES = nb.types.Array(nb.float64, 1, "C", readonly=True)
@@ -62,17 +61,13 @@ def _unsigned_angle(along, across):  # type: ignore[no-untyped-def]
     """
     x, y = abs(along), abs(across)
     low, high = min(x, y), max(x, y)
-    t = _fma(-_TAN_PI_8, high, low) / _fma(_TAN_PI_8, low, high)
+    t = (low - _TAN_PI_8 * high) / (high + _TAN_PI_8 * low)
     z = t * t
-    p = _fma(z, 0.02124248956926765, -0.043587024628891795)
-    p = _fma(z, p, 0.05692890475881414)
-    p = _fma(z, p, -0.06641318145938455)
-    p = _fma(z, p, 0.07690112157649176)
-    p = _fma(z, p, -0.09090787705989976)
-    p = _fma(z, p, 0.11111107021102413)
-    p = _fma(z, p, -0.14285714209567044)
-    p = _fma(z, p, 0.19999999999368284)
-    p = _fma(z, p, -0.3333333333333215)
-    angle = 0.125 * math.pi + _fma(t * z, p, t)
+    zz = z * z
+    near = (-0.3333333333333215 + z * 0.19999999999368284) + zz * (-0.14285714209567044 + z * 0.11111107021102413)
+    far = (-0.09090787705989976 + z * 0.07690112157649176) + zz * (-0.06641318145938455 + z * 0.05692890475881414)
+    fourth = zz * zz
+    p = near + fourth * (far + fourth * (-0.043587024628891795 + z * 0.02124248956926765))
+    angle = 0.125 * math.pi + (t + t * z * p)
     angle = 0.5 * math.pi - angle if y > x else angle
     return math.pi - angle if along < 0.0 else angle

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol, final
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters, TurnNoise
 from mclcli.motion.omnidirectional import OmnidirectionalMotion, OmnidirectionalParameters
 from mclcli.motion.stationary import StationaryMotion, StationaryParameters
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.parameters import parameter, parameter_of, validate
 
 if TYPE_CHECKING:
@@ -32,13 +33,13 @@ class Entry:
     """A motion model in the registry: the dataclass of its parameters, and how to make the model from them."""
 
     parameters: type[ParameterSet]
-    make: Callable[[Any], MotionModel]
+    make: Callable[[Any, Backend], MotionModel]
 
 
 MODELS: dict[str, Entry] = {
     "differential": Entry(DifferentialParameters, DifferentialMotion),
-    "omnidirectional": Entry(OmnidirectionalParameters, OmnidirectionalMotion),
-    "stationary": Entry(StationaryParameters, StationaryMotion),
+    "omnidirectional": Entry(OmnidirectionalParameters, lambda parameters, _: OmnidirectionalMotion(parameters)),
+    "stationary": Entry(StationaryParameters, lambda parameters, _: StationaryMotion(parameters)),
 }
 
 
@@ -81,8 +82,8 @@ class MotionParameters:
         validate(self)
 
 
-def build(parameters: MotionParameters) -> MotionModel:
-    """Motion model that the parameters name, with those of them that it has."""
+def build(parameters: MotionParameters, backend: Backend = NUMPY) -> MotionModel:
+    """Motion model that the parameters name, with those of them that it has; ``backend`` runs its loops."""
     entry = MODELS[parameters.robot_model_type]
     own = entry.parameters.__dataclass_fields__
-    return entry.make(entry.parameters(**{name: getattr(parameters, name) for name in own}))
+    return entry.make(entry.parameters(**{name: getattr(parameters, name) for name in own}), backend)

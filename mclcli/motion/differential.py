@@ -15,7 +15,7 @@ import numpy as np
 from mclcli.geometry import se2
 from mclcli.geometry.trigonometry import cos_sin
 from mclcli.motion import noise
-from mclcli.native import backend
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
@@ -54,13 +54,18 @@ class DifferentialMotion:
     """The differential drive as a motion model."""
 
     parameters: DifferentialParameters
+    backend: Backend = NUMPY
 
     def sample(self, poses: FloatArray, increment: FloatArray, normals: FloatArray) -> FloatArray:
         """Move poses (N, 3) by the odometry's increment (3,), in the base frame, plus noise from normals (N, 3)."""
-        rot1, trans, rot2 = decompose(increment)
-        if backend.in_use():
-            return _sample_compiled(poses, np.array([rot1, trans, rot2]), self.noise_std(rot1, trans, rot2), normals)
-        noisy = np.array([rot1, trans, rot2]) + normals * self.noise_std(rot1, trans, rot2)
+        turns_and_move = decompose(increment)
+        motion, std = np.array(turns_and_move), self.noise_std(*turns_and_move)
+        kernels = self.backend.kernels("particles")
+        if kernels is not None:
+            moved, scratch = np.empty_like(poses), np.empty((3, 512))
+            kernels.turn_move_turn(poses, normals, motion, std, moved, scratch)
+            return moved
+        noisy = motion + normals * std
         heading = poses[:, 2] + noisy[:, 0]
         c, s = cos_sin(heading)
         moved = np.empty_like(poses)
@@ -84,13 +89,6 @@ class DifferentialMotion:
             p.alpha1 * turn2 + p.alpha2 * move,
         ]
         return np.sqrt(variances)
-
-
-def _sample_compiled(poses: FloatArray, motion: FloatArray, std: FloatArray, normals: FloatArray) -> FloatArray:
-    """The same as in ``sample``, to the bit."""
-    moved, scratch = np.empty_like(poses), np.empty((3, 512))
-    backend.load("particles").turn_move_turn(poses, normals, motion, std, moved, scratch)
-    return moved
 
 
 def folded(turn: float) -> float:

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from mclcli import cache
-from mclcli.native import array_gate
+from mclcli.native import array_gate, self_test
 from mclcli.native.array_gate import Argument
 
 if TYPE_CHECKING:
@@ -30,9 +30,13 @@ if TYPE_CHECKING:
 
 _MAGIC = b"mcl machine code\n"
 _MAX_HEADER = 1 << 20
-_SCALARS = {"float64": ctypes.c_double, "int64": ctypes.c_int64, "bool": ctypes.c_uint8}
 _DONE = (0, -2)  # numba's return codes for a value and for None
 _ENGINES: list[object] = []  # what owns the code must outlive it
+
+
+@final
+class UntrustedGateError(Exception):
+    """A gate that does not read arrays right: its kernel must not run."""
 
 
 @final
@@ -93,7 +97,31 @@ def link(functions: Sequence[Function]) -> SimpleNamespace:
     """Callables by name. Each takes arrays and scalars as its kernel does, and fills the arrays.
 
     A call with other types, shapes in another order, or a read-only array to write to raises TypeError.
+
+    Raises
+    ------
+    UntrustedGateError
+        If a gate does not read arrays right.
+
     """
+    if not self_test.header_is_known():
+        raise UntrustedGateError("NumPy's arrays are laid out otherwise")
+    overloads: dict[str, list[_Entry]] = {}
+    for function in functions:
+        engine = engine_of(function.code, function.gate)
+        kernel, gate = (engine.get_function_address(symbol) for symbol in (function.symbol, array_gate.SYMBOL))
+        through = _prototype(function)(gate)
+        if not self_test.gate_is_right(
+            lambda other, call=through: partial(call, other, id(np.ndarray)), function.arguments
+        ):
+            raise UntrustedGateError(f"the gate of kernel {function.name} does not pass arrays on as they are")
+        entry = _Entry(partial(through, kernel, id(np.ndarray)), len(function.arguments))
+        overloads.setdefault(function.name, []).append(entry)
+    return SimpleNamespace(**{name: _callable(name, entries) for name, entries in overloads.items()})
+
+
+def engine_of(*codes: bytes) -> Any:  # noqa: ANN401 - llvmlite's
+    """LLVM's engine that has linked these object codes."""
     import llvmlite.binding as llvm
 
     with contextlib.suppress(RuntimeError):  # needed up to llvmlite 0.44, refused from then on
@@ -102,18 +130,13 @@ def link(functions: Sequence[Function]) -> SimpleNamespace:
     llvm.initialize_native_asmprinter()
     if llvm.address_of_symbol("NRT_MemInfo_call_dtor") is None:  # named by all code, reached by none: nobody allocates
         llvm.add_symbol("NRT_MemInfo_call_dtor", _address(ctypes.pythonapi.Py_IncRef))
-    overloads: dict[str, list[_Entry]] = {}
-    for function in functions:
-        machine = llvm.Target.from_default_triple().create_target_machine()
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
-        for code in (function.code, function.gate):
-            engine.add_object_file(llvm.ObjectFileRef.from_data(code))
-        engine.finalize_object()
-        _ENGINES.append(engine)
-        kernel, gate = (engine.get_function_address(symbol) for symbol in (function.symbol, array_gate.SYMBOL))
-        entry = _Entry(partial(_prototype(function)(gate), kernel, id(np.ndarray)), len(function.arguments))
-        overloads.setdefault(function.name, []).append(entry)
-    return SimpleNamespace(**{name: _callable(name, entries) for name, entries in overloads.items()})
+    machine = llvm.Target.from_default_triple().create_target_machine()
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), machine)
+    for code in codes:
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+    engine.finalize_object()
+    _ENGINES.append(engine)
+    return engine
 
 
 @final
@@ -131,7 +154,9 @@ def _address(function: object) -> int:
 
 def _prototype(function: Function) -> Callable[[int], Callable[..., int]]:
     """The C type of a function's gate, which releases the interpreter's lock while it runs."""
-    takes: list[Any] = [ctypes.py_object if a.dimensions >= 0 else _SCALARS[a.type] for a in function.arguments]
+    takes: list[Any] = [
+        ctypes.py_object if a.dimensions >= 0 else self_test.SCALARS[a.type] for a in function.arguments
+    ]
     return ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64, ctypes.c_int64, *takes)
 
 

@@ -9,6 +9,7 @@ from mclcli.errors import InputError, UsageError
 from mclcli.filter.localizer import Localizer
 from mclcli.filter.recovery import FromAnywhere, Proposal
 from mclcli.filter.start import Anywhere, AroundPose, Start, WhenTold
+from mclcli.native.backend import COMPILED, NUMPY, Backend, choose
 from mclcli.records import LandmarkSightings, LaserScan, PixelSightings
 from mclcli.replay.loop import Setup
 from mclcli.sensors.bearing import BearingModel
@@ -57,6 +58,7 @@ def prepare(
     deskew: bool = False,
     scan_offset_ns: int = 0,
     proposal: Proposal | None = None,
+    backend: Backend | None = None,
 ) -> Setup:
     """Set a replay up: which topics take part, with which models.
 
@@ -93,6 +95,8 @@ def prepare(
         Added to the stamps of laser scans.
     proposal
         Where a robot that seems lost may be, unless parameter ``recovery`` is off; default: anywhere on the map.
+    backend
+        What runs the loops; by default the size of the job chooses. The results are the same.
 
     Raises
     ------
@@ -104,10 +108,13 @@ def prepare(
     """
     settings = settings or profiles.build({})
     scored = (*(roles.scan[:1] if grid else ()), *(roles.vision if landmarks else ()))
-    job_size = settings.kld.max_particles * _readings(survey, scored, settings)
+    if backend is None:
+        beams = _readings(survey, scored, settings)
+        is_compiled = grid is not None and LIDAR_MODELS[settings.model].compiled
+        backend = COMPILED if is_compiled else choose(settings.kld.max_particles * beams, rounds=beams)
     instruments = {
-        **_lidars(roles, grid, settings, temperature or {}, make_field, job_size, threads),
-        **_cameras(roles, landmarks, settings, temperature or {}, job_size),
+        **_lidars(roles, grid, settings, temperature or {}, make_field, backend, threads),
+        **_cameras(roles, landmarks, settings, temperature or {}, backend),
     }
     if not roles.odometry:
         raise InputError("the log has no odometry: no nav_msgs/Odometry topic, and no moving transform above the base")
@@ -116,7 +123,9 @@ def prepare(
     for topic in instruments:
         _check_mount(survey, roles, topic, mounts or {})
     return Setup(
-        localizer=Localizer(motion.build(settings.motion), settings.filter, seed, settings.kld, settings.recovery),
+        localizer=Localizer(
+            motion.build(settings.motion, backend), settings.filter, seed, settings.kld, settings.recovery, backend
+        ),
         instruments=instruments,
         start=WhenTold() if start is None and follow else _checked_start(start, grid),
         odometry=roles.odometry,
@@ -145,9 +154,9 @@ def _proposal(settings: Settings, grid: OccupancyGrid | None, given: Proposal | 
 
 
 def lidar_model(
-    grid: OccupancyGrid, settings: Settings, make_field: FieldMaker, job_size: float, threads: int = 1
+    grid: OccupancyGrid, settings: Settings, make_field: FieldMaker, backend: Backend = NUMPY, threads: int = 1
 ) -> LidarModel:
-    """Lidar model over a map.
+    """Lidar model over a map; ``backend`` runs its loops.
 
     Raises
     ------
@@ -156,7 +165,7 @@ def lidar_model(
 
     """
     entry = LIDAR_MODELS[settings.model]
-    model = entry.make(grid, getattr(settings, entry.group), make_field, job_size, threads)
+    model = entry.make(grid, getattr(settings, entry.group), make_field, backend, threads)
     _require_obstacles(grid)
     return model
 
@@ -183,12 +192,12 @@ def _lidars(
     settings: Settings,
     temperature: Mapping[str, Temperature],
     make_field: FieldMaker,
-    job_size: float,
+    backend: Backend,
     threads: int,
 ) -> dict[str, Instrument]:
     if grid is None or not roles.scan:
         return {}
-    model = lidar_model(grid, settings, make_field, job_size, threads)
+    model = lidar_model(grid, settings, make_field, backend, threads)
     names = _numbered("lidar", len(roles.scan))
     default: Temperature = LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0
     alphas = [alpha_of(temperature, name, default) for name in names]
@@ -203,11 +212,11 @@ def _cameras(
     landmarks: Landmarks | None,
     settings: Settings,
     temperature: Mapping[str, Temperature],
-    job_size: float,
+    backend: Backend,
 ) -> dict[str, Instrument]:
     if landmarks is None:
         return {}
-    model = BearingModel(settings.bearing, job_size)
+    model = BearingModel(settings.bearing, backend)
     names = _numbered("vision", len(roles.vision))
     alphas = [alpha_of(temperature, name, VISION_TEMPERATURE) for name in names]
     return {

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli.native import backend
+from mclcli.native.backend import load
 from mclcli.search import cost_tables
 from mclcli.world.pyramid import FINE
 
@@ -131,7 +131,7 @@ class Search:
         order = np.argsort(nodes.costs, kind="stable")
         grid, seen, plane = self.lattice, self.sightings, self.costs.leaves
         whole, real = np.array([found.key, found.written], np.int64), np.array([found.value, found.pruned])
-        backend.load("leaves").look(
+        load("leaves").look(
             plane.cells, plane.width, plane.starts, self.costs.perfect, self.costs.step,
             self.pyramid.pool, self.pyramid.shapes[FINE], self.costs.table, self.field.codes,
             grid.ends, plane.counts, self.log_p, seen.marks, seen.law, grid.angles,

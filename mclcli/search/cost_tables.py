@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.errors import InputError
-from mclcli.native import backend
+from mclcli.native.backend import load
 from mclcli.world.pyramid import COARSE, FINE, bound_table
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class CostTables:
         out, costs, mass = np.empty((_CHUNK, 3), np.int32), np.empty(_CHUNK, np.int32), np.zeros(1)
         state[3] = 0
         planes = [(p.cells, p.width, p.starts, p.counts) for p in (self.coarse, self.fine)]
-        backend.load("sweep").sweep(
+        load("sweep").sweep(
             *planes[0], *planes[1], limit, stop, weights,
             out, costs, state, mass, np.empty(_LANES, np.uint16), np.empty(_LANES, np.uint16),
         )  # fmt: skip
@@ -133,7 +133,7 @@ def _nodes(pyramid: Pyramid, level: int, ends: NDArray[np.int32], cost: NDArray[
     across, left, width = _entries(ends[..., 1] >> np.int32(shift), columns, margin, -(-places.shape[1] >> shift))
     eighth = -(-width // _NODE)
     cells = _room_for(_NODE, height, eighth)
-    backend.load("sweep").deal(pyramid.pool, shape, cost, low, left, cells)
+    load("sweep").deal(pyramid.pool, shape, cost, low, left, cells)
     starts = np.ascontiguousarray((across % _NODE * height + down) * eighth + across // _NODE)
     return Plane(cells.reshape(-1), eighth, starts, counts)
 
@@ -144,7 +144,7 @@ def _leaves(field: DistanceField, ends: NDArray[np.int32], cost: NDArray[np.uint
     down, low, height = _entries(ends[..., 0], rows, 0, places.shape[0])
     across, left, width = _entries(ends[..., 1], columns, 0, places.shape[1])
     cells = _room_for(height, width)
-    backend.load("leaves").spread(field.codes, cost, low, left, cells)
+    load("leaves").spread(field.codes, cost, low, left, cells)
     return Plane(cells.reshape(-1), width, np.ascontiguousarray(down * width + across), places.of_level(0))
 
 

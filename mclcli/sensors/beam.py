@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli.native import backend
+from mclcli.native.backend import load
 from mclcli.sensors import Measurement, beam_forms, endpoints, floored_log
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ class BeamModel:
     def likelihood_of_many(self, beams: Beams) -> Callable[[FloatArray], FloatArray]:
         """p(r | r*) of expected ranges (N, B), which may be overwritten; rounded otherwise than ``_likelihood``.
 
-        Casting rays has brought compiled code into this process, so the mixture of such ranges is always compiled.
+        Rays are cast by compiled code, and so the mixture of such ranges always is.
         """
         p, r_max, half_cell = self.parameters, beams.r_max, 0.5 * self.caster.resolution
         if p.beam_form != "textbook":
@@ -92,7 +92,7 @@ class BeamModel:
         readings = np.tile(beams.ranges, max(1, _IN_A_ROW // max(1, beams.ranges.size)))
         table, rate = beam_forms.textbook_terms(p, readings, r_max)
         unseen = np.flatnonzero(readings >= r_max) if self._censored else np.empty(0, np.intp)
-        kernel = backend.load("beam_mixture").textbook
+        kernel = load("beam_mixture").textbook
 
         def likelihood(expected: FloatArray) -> FloatArray:
             weights, scratch = (p.z_hit, p.z_short, p.z_max), np.empty((2, readings.size))
@@ -109,7 +109,7 @@ class BeamModel:
         if self.parameters.combination != "log":
             return self._combine(likelihood)
         out = np.zeros(likelihood.shape[0])
-        backend.load("beam_mixture").sum_log(likelihood, beam_forms.FLOOR, out)
+        load("beam_mixture").sum_log(likelihood, beam_forms.FLOOR, out)
         return out
 
     def _perfect(self, beams: Beams) -> FloatArray:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.sensors import endpoints
 
 if TYPE_CHECKING:
@@ -41,6 +42,7 @@ def kept_beams(
     poses: FloatArray,
     anchoring: Anchoring = endpoints.CORNER,
     found: Codes | None = None,
+    backend: Backend = NUMPY,
 ) -> BoolArray | None:
     """Which beams (B,) count for these poses (N, 3); None if no pose can have a likelihood other than 0.
 
@@ -48,7 +50,7 @@ def kept_beams(
     """
     if not (rule.always or has_converged(poses)):
         return np.ones(beams.ranges.size, dtype=np.bool_)
-    shares = _agreeing(rule, field, beams, poses, anchoring, found) / poses.shape[0]
+    shares = _agreeing(rule, field, beams, poses, anchoring, found, backend) / poses.shape[0]
     kept = np.asarray(shares > rule.threshold, np.bool_)
     slots = max(beams.slots, kept.size)
     if slots - int(kept.sum()) >= slots * rule.error_threshold:
@@ -63,17 +65,17 @@ def _agreeing(
     poses: FloatArray,
     anchoring: Anchoring,
     found: Codes | None,
+    backend: Backend,
 ) -> IntArray:
     """How many poses find an obstacle near each beam's end (B,)."""
     near = int(np.count_nonzero(field.levels < rule.distance))  # levels ascend, and codes with them
     if found is not None:
-        return endpoints.count_below(found, near)
+        return endpoints.count_below(found, near, backend)
     count = np.zeros(beams.ranges.size, np.int64)
     for start in range(0, poses.shape[0], endpoints.BLOCK):
-        looked_up = endpoints.look_up(
-            field, beams.endpoints, poses[start : start + endpoints.BLOCK], anchoring=anchoring
-        )
-        count += endpoints.count_below(looked_up, near)
+        some = poses[start : start + endpoints.BLOCK]
+        looked_up = endpoints.look_up(field, beams.endpoints, some, anchoring=anchoring, backend=backend)
+        count += endpoints.count_below(looked_up, near, backend)
     return count
 
 

@@ -16,7 +16,9 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry import se2
-from mclcli.native import backend
+from mclcli.geometry.exponential import LOG2_E, exp2, log
+from mclcli.geometry.trigonometry import cos_sin, unsigned_angle
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.parameters import parameter, validate
 from mclcli.sensors import Measurement, floored_log
 
@@ -27,6 +29,8 @@ if TYPE_CHECKING:
     from mclcli.world.landmarks import Landmarks
 
 FLOOR = 1e-15
+_FACTORS = 16  # of at most 1e15 and at least 1e-15: their product neither overflows nor vanishes
+_STEEPEST = -1e300  # finite, so that an error of 0 is worth the peak whatever σ
 
 
 @final
@@ -88,10 +92,10 @@ def expected_angles(bearings: Bearings, pose: FloatArray) -> FloatArray:
 @final
 @dataclass(frozen=True, slots=True)
 class BearingModel:
-    """The mixture; ``job_size`` hints how many pose·bearing pairs will be scored in all."""
+    """The mixture; ``backend`` runs its loop."""
 
     parameters: BearingParameters
-    job_size: float = 0.0
+    backend: Backend = NUMPY
 
     def measure(self, sensor: str, bearings: Bearings, alpha: Temperature = 1.0) -> Measurement:
         """Measurement that scores poses against these bearings."""
@@ -109,24 +113,55 @@ class BearingModel:
     def _score(self, bearings: Bearings, poses: FloatArray) -> FloatArray:
         """Log-likelihood (N,) of poses (N, 3) of the base in map."""
         total = np.full(poses.shape[0], -math.log(se2.TAU) * bearings.unknown)
-        pairs = poses.shape[0] * bearings.angles.size
-        is_compiled = backend.worth_compiling(max(self.job_size, pairs))
-        (self._add_compiled if is_compiled else self._add)(bearings, poses, total)
+        law = _law(self.parameters)
+        sightings = np.stack([*bearings.landmarks.T, np.cos(bearings.angles), np.sin(bearings.angles)])
+        origin = tuple(bearings.origin.tolist())
+        kernels = self.backend.kernels("bearing")
+        if kernels is None:
+            with np.errstate(invalid="ignore", over="ignore"):  # poses that are not finite
+                _add(poses, sightings, origin, law, total)
+        else:
+            figures = (law.factor, law.peak, law.rest, FLOOR, law.factors)
+            kernels.sum_log_p(np.ascontiguousarray(poses), sightings, *origin, *figures, total, np.empty((5, 256)))
         return total
 
-    def _add(self, bearings: Bearings, poses: FloatArray, total: FloatArray) -> None:
-        """Add each known bearing's log-likelihood to ``total`` (N,)."""
-        c, s = np.cos(poses[:, 2]), np.sin(poses[:, 2])
-        camera_x = poses[:, 0] + c * bearings.origin[0] - s * bearings.origin[1]
-        camera_y = poses[:, 1] + s * bearings.origin[0] + c * bearings.origin[1]
-        for angle, landmark in zip(bearings.angles, bearings.landmarks, strict=True):
-            expected = np.arctan2(landmark[1] - camera_y, landmark[0] - camera_x) - poses[:, 2]
-            total += self.log_p(se2.wrap(angle - expected))
 
-    def _add_compiled(self, bearings: Bearings, poses: FloatArray, total: FloatArray) -> None:
-        """``_add`` by the kernel ``bearing.sum_log_p``, which rounds otherwise."""
-        sigma, eps = self.parameters.sigma_bearing, self.parameters.eps_outlier
-        sightings = np.stack([*bearings.landmarks.T, np.cos(bearings.angles), np.sin(bearings.angles)])
-        poses, scratch = np.ascontiguousarray(poses), np.empty((5, 256))
-        kernel = backend.load("bearing").sum_log_p
-        kernel(poses, sightings, *map(float, bearings.origin), sigma, eps, FLOOR, total, scratch)
+@final
+@dataclass(frozen=True, slots=True)
+class _Law:
+    """p = peak·2^(factor·e²) + rest of an error e; so many ``factors`` neither vanish nor overflow."""
+
+    factor: float
+    peak: float
+    rest: float
+    factors: int
+
+
+def _law(parameters: BearingParameters) -> _Law:
+    sigma, eps = parameters.sigma_bearing, parameters.eps_outlier
+    peak, rest = (1.0 - eps) / (sigma * math.sqrt(se2.TAU)), eps / se2.TAU
+    square = sigma * sigma
+    factor = max(-0.5 * LOG2_E / square, _STEEPEST) if square > 0.0 else _STEEPEST
+    return _Law(factor, peak, rest, _FACTORS if peak + rest < 1e15 else 1)
+
+
+def _add(poses: FloatArray, sightings: FloatArray, origin: tuple[float, float], law: _Law, total: FloatArray) -> None:
+    """Add each known bearing's log-likelihood to ``total`` (N,); ``sightings`` (4, M) as for the kernel ``bearing``.
+
+    A bearing's error is one arc tangent: the offset to the landmark is turned by the heading and by the bearing as
+    seen, so that nothing is left to subtract and to wrap.
+    """
+    c, s = cos_sin(poses[:, 2])
+    camera_x = poses[:, 0] + c * origin[0] - s * origin[1]
+    camera_y = poses[:, 1] + s * origin[0] + c * origin[1]
+    count = sightings.shape[1]
+    for first in range(0, count, law.factors):
+        product = np.ones(total.size)
+        for x, y, along, across in sightings[:, first : first + law.factors].T:
+            dx, dy = x - camera_x, y - camera_y
+            dx = np.where((dx == 0.0) & (dy == 0.0), 1.0, dx)  # as the arc tangent of 0/0 has it
+            ahead, left = c * dx + s * dy, c * dy - s * dx
+            error = unsigned_angle(along * ahead + across * left, across * ahead - along * left)
+            p = law.peak * exp2(law.factor * (error * error)) + law.rest
+            product *= np.maximum(p, FLOOR)
+        total += log(product)

@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry.trigonometry import cos_sin
-from mclcli.native import backend
+from mclcli.native.backend import NUMPY, Backend
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from types import SimpleNamespace
 
     from numpy.typing import NDArray
 
@@ -58,34 +59,39 @@ def sum_table(
     poses: FloatArray,
     *,
     anchoring: Anchoring = CORNER,
-    job_size: float = 0.0,
+    backend: Backend = NUMPY,
     threads: int = 1,
 ) -> FloatArray:
     """Σ_b table[code of the cell where beam b ends] (N,), for endpoints (B, 2) [m] in the base frame, poses (N, 3).
 
-    ``table`` (L + 1,) holds a value per level of the field, and one more for endpoints off the map. ``job_size`` hints
-    how many pose·beam pairs will be summed in all. Beams are added in their order: every path gives the same bits.
+    ``table`` (L + 1,) holds a value per level of the field, and one more for endpoints off the map. Beams are added in
+    their order: both backends give the same bits.
     """
-    ends = _in_cells(field, endpoints)
-    steps = max(job_size, poses.shape[0] * ends.shape[1])
-    add, block = (_add_compiled, COMPILED_BLOCK) if is_compiled(field, steps) else (add_table, BLOCK)
-    out = np.zeros(poses.shape[0])
+    ends, out = in_cells(field, endpoints), np.zeros(poses.shape[0])
+    kernels = kernels_over(field, backend, "likelihood_field")
+    block = BLOCK if kernels is None else COMPILED_BLOCK
 
     def sum_block(start: int) -> None:
-        add(field, table, anchoring, poses[start : start + block], ends, out[start : start + block])
+        some, total = poses[start : start + block], out[start : start + block]
+        if kernels is None:
+            add_table(field, table, anchoring, some, ends, total)
+            return
+        scratch, about = (np.empty((5, 256)), np.empty((4, 256), np.int32)), (field.codes.ravel(), *field.codes.shape)
+        some = np.ascontiguousarray(some)
+        kernels.sum_log_p(*about, table, *anchoring.frame(field), some, ends.ravel(), total, *scratch)
 
     for_each(sum_block, range(0, poses.shape[0], block), threads)
     return out
 
 
-def _in_cells(field: DistanceField, endpoints: FloatArray) -> FloatArray:
+def in_cells(field: DistanceField, endpoints: FloatArray) -> FloatArray:
     """Endpoints (B, 2) [m] as (2, B) [cells], in C order."""
     return np.divide(endpoints.T, field.resolution, order="C")
 
 
-def is_compiled(field: DistanceField, steps: float) -> bool:
-    """Whether a job of so many pose·beam pairs over this field takes the compiled path."""
-    return backend.worth_compiling(steps) and field.codes.size < _CELLS_OF_A_KERNEL
+def kernels_over(field: DistanceField, backend: Backend, module: str) -> SimpleNamespace | None:
+    """The backend's kernels of a module, if the field is not too large for them."""
+    return backend.kernels(module) if field.codes.size < _CELLS_OF_A_KERNEL else None
 
 
 def add_table(
@@ -115,60 +121,22 @@ def _cells(
         yield beam, inside, np.where(inside, row * width + column, 0).astype(np.intp)
 
 
-def _add_compiled(
-    field: DistanceField,
-    table: FloatArray,
-    anchoring: Anchoring,
-    poses: FloatArray,
-    ends: FloatArray,
-    out: FloatArray,
-) -> None:
-    """``add_table``, equal to the bit, by the kernel ``likelihood_field.sum_log_p``."""
-    scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
-    kernel, poses = backend.load("likelihood_field").sum_log_p, np.ascontiguousarray(poses)
-    kernel(field.codes.ravel(), *field.codes.shape, table, *anchoring.frame(field), poses, ends.ravel(), out, *scratch)
-
-
-def sum_interpolated(
-    field: DistanceField,
-    law: FloatArray,
-    endpoints: FloatArray,
-    poses: FloatArray,
-    *,
-    cubes: bool,
-    anchoring: Anchoring = CORNER,
-    threads: int = 1,
-) -> FloatArray:
-    """Σ_b log p (N,), or Σ_b p³, of distances interpolated between cells, by the kernel of that name, which see."""
-    ends, frame = _in_cells(field, endpoints).ravel(), anchoring.frame(field)
-    out, poses = np.zeros(poses.shape[0]), np.ascontiguousarray(poses)
-    kernel = backend.load("interpolated_field").sum_interpolated
-
-    def sum_block(start: int) -> None:
-        block, scratch = slice(start, start + COMPILED_BLOCK), (np.empty((12, 256)), np.empty((4, 256), np.int32))
-        about = (field.codes.ravel(), *field.codes.shape, field.levels, *frame)
-        kernel(*about, poses[block], ends, law, cubes, out[block], *scratch)
-
-    for_each(sum_block, range(0, poses.shape[0], COMPILED_BLOCK), threads)
-    return out
-
-
 def look_up(
     field: DistanceField,
     endpoints: FloatArray,
     poses: FloatArray,
     *,
     anchoring: Anchoring = CORNER,
-    job_size: float = 0.0,
+    backend: Backend = NUMPY,
 ) -> Codes:
     """Code (B, N) of the cell where each beam ends, the number of levels off the map; arguments as of ``sum_table``."""
-    ends, off_map = _in_cells(field, endpoints), field.levels.size
+    ends, off_map = in_cells(field, endpoints), field.levels.size
     found = np.empty((ends.shape[1], poses.shape[0]), field.codes.dtype)
-    if is_compiled(field, max(job_size, found.size)):
+    kernels = kernels_over(field, backend, "likelihood_field")
+    if kernels is not None:
         scratch = np.empty((5, 256)), np.empty((4, 256), np.int32)
-        kernel, poses = backend.load("likelihood_field").look_up, np.ascontiguousarray(poses)
-        frame = anchoring.frame(field)
-        kernel(field.codes.ravel(), *field.codes.shape, off_map, *frame, poses, ends.ravel(), found, *scratch)
+        poses, frame = np.ascontiguousarray(poses), anchoring.frame(field)
+        kernels.look_up(field.codes.ravel(), *field.codes.shape, off_map, *frame, poses, ends.ravel(), found, *scratch)
         return found
     for start in range(0, poses.shape[0], BLOCK):
         block = slice(start, start + BLOCK)
@@ -177,20 +145,21 @@ def look_up(
     return found
 
 
-def count_below(found: Codes, limit: int) -> IntArray:
+def count_below(found: Codes, limit: int, backend: Backend = NUMPY) -> IntArray:
     """How many codes of each row (B,) of ``found`` (B, N) are below a limit."""
+    kernels = backend.kernels("likelihood_field")
+    if kernels is None:
+        return np.asarray(np.count_nonzero(found < limit, axis=1), np.int64)
     counts = np.zeros(found.shape[0], np.int64)
-    if backend.in_use():
-        backend.load("likelihood_field").count_below(found, limit, counts)
-        return counts
-    return np.asarray(np.count_nonzero(found < limit, axis=1), np.int64)
+    kernels.count_below(found, limit, counts)
+    return counts
 
 
-def sum_looked_up(found: Codes, table: FloatArray, job_size: float = 0.0) -> FloatArray:
+def sum_looked_up(found: Codes, table: FloatArray, backend: Backend = NUMPY) -> FloatArray:
     """Σ_b table[found[b]] (N,): with ``look_up``, the same as ``sum_table``, to the bit."""
-    out = np.zeros(found.shape[1])
-    if backend.worth_compiling(max(job_size, found.size)):
-        backend.load("likelihood_field").sum_looked_up(found, table, out)
+    out, kernels = np.zeros(found.shape[1]), backend.kernels("likelihood_field")
+    if kernels is not None:
+        kernels.sum_looked_up(found, table, out)
         return out
     for row in found:
         out += table[row]
@@ -254,7 +223,7 @@ def _level(field: DistanceField, row: NDArray[np.intp], column: NDArray[np.intp]
 
 
 def _cell(coordinate: FloatArray, size: int) -> NDArray[np.intp]:
-    return np.clip(np.floor(coordinate), 0, size - 1).astype(np.intp)
+    return np.fmin(np.fmax(np.floor(coordinate), 0.0), size - 1.0).astype(np.intp)  # NaN is taken for 0
 
 
 def _bilinear(field: DistanceField, column: FloatArray, row: FloatArray) -> FloatArray:
@@ -263,6 +232,7 @@ def _bilinear(field: DistanceField, column: FloatArray, row: FloatArray) -> Floa
     u, v = column - np.floor(column), row - np.floor(row)
     left, right = _cell(column, width), _cell(column + 1.0, width)
     below, above = _cell(row, height), _cell(row + 1.0, height)
-    lower = (1.0 - u) * _level(field, below, left) + u * _level(field, below, right)
-    upper = (1.0 - u) * _level(field, above, left) + u * _level(field, above, right)
-    return np.asarray((1.0 - v) * lower + v * upper)
+    lower, beside = _level(field, below, left), _level(field, below, right)
+    upper, across = _level(field, above, left), _level(field, above, right)
+    lower, upper = lower + u * (beside - lower), upper + u * (across - upper)
+    return np.asarray(lower + v * (upper - lower))

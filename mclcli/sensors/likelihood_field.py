@@ -17,11 +17,13 @@ from typing import TYPE_CHECKING, Literal, final, get_args
 
 import numpy as np
 
-from mclcli.native import backend
+from mclcli.geometry.exponential import LOG2_E
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.parameters import YesNo, parameter, validate
 from mclcli.sensors import Measurement, endpoints, floored_log
 from mclcli.sensors.beam_skipping import BeamSkipping, kept_beams
 from mclcli.sensors.endpoints import Anchoring
+from mclcli.sensors.interpolated_field import Law, sum_interpolated
 from mclcli.world import FieldMethod
 
 if TYPE_CHECKING:
@@ -105,14 +107,11 @@ class LikelihoodFieldParameters:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class LikelihoodField:
-    """The model over one distance field.
-
-    ``job_size`` hints how many pose·beam pairs will be scored in all; ``threads`` share one scoring.
-    """
+    """The model over one distance field; ``backend`` runs its loops, ``threads`` share one scoring."""
 
     field: DistanceField
     parameters: LikelihoodFieldParameters
-    job_size: float = 0.0
+    backend: Backend = NUMPY
     threads: int = 1
     _tables: dict[float, FloatArray] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
@@ -160,13 +159,19 @@ class LikelihoodField:
         p = self.parameters
         return p.z_hit / (p.sigma_hit * math.sqrt(2.0 * math.pi)) if p.hit_normalised == "yes" else p.z_hit
 
-    def _law(self, r_max: float) -> FloatArray:
-        """``likelihood`` as the kernel ``interpolated_field`` has it, which see."""
-        p, furthest = self.parameters, self.field.max_dist
-        factor = max(-0.5 / p.sigma_hit / p.sigma_hit, -1e300)
-        off_map = float(self.likelihood(np.array([np.inf]), r_max)[0])
-        unknown = self._square_of_uniform(r_max)
-        return np.array([factor, self._amplitude, p.z_rand / r_max, off_map, unknown, furthest, FLOOR])
+    def _law(self, r_max: float) -> Law:
+        """``likelihood`` of interpolated distances, in double precision."""
+        p = self.parameters
+        return Law(
+            factor=max(-0.5 * LOG2_E / p.sigma_hit / p.sigma_hit, -1e300),
+            amplitude=self._amplitude,
+            rest=p.z_rand / r_max,
+            off_map=float(self.likelihood(np.array([np.inf]), r_max)[0]),
+            unknown=self._square_of_uniform(r_max),
+            furthest=self.field.max_dist,
+            floor=FLOOR,
+            cubes=self._cubes,
+        )
 
     def term(self, likelihood: FloatArray) -> FloatArray:
         """What a beam adds to the sum: log p, or p³."""
@@ -187,12 +192,10 @@ class LikelihoodField:
         return endpoints.distances(self.field, beams.endpoints, poses, bilinear=bilinear, anchoring=self._anchoring)
 
     def each(self, beams: Beams, pose: FloatArray) -> FloatArray:
-        """Log-likelihood (B,) of each beam alone at one pose (3,).
-
-        A large job looks it up as it does its sums, to the same bits; a small one does so for all beams at once.
-        """
+        """Log-likelihood (B,) of each beam alone at one pose (3,)."""
         nearest = self.parameters.field_lookup == "nearest"
-        if nearest and not self._cubes and backend.worth_compiling(self.job_size):
+        kernels = endpoints.kernels_over(self.field, self.backend, "likelihood_field")
+        if nearest and not self._cubes and kernels is not None:  # NumPy takes all beams at once, to the same bits
             return self.table(beams.r_max)[self._look_up(beams, pose[np.newaxis])[:, 0]]
         likelihood = self.likelihood(self.distances(beams, pose[np.newaxis]), beams.r_max)
         return floored_log(likelihood[0], FLOOR)
@@ -221,22 +224,21 @@ class LikelihoodField:
                 beams.endpoints,
                 poses,
                 anchoring=self._anchoring,
-                job_size=self.job_size,
+                backend=self.backend,
                 threads=self.threads,
             )
         return np.log1p(total) if self._cubes else total
 
     def _sum_bilinear(self, beams: Beams, poses: FloatArray) -> FloatArray:
-        """Sum (N,) over beams of log p or p³; the compiled loop rounds otherwise than NumPy."""
-        steps = max(self.job_size, poses.shape[0] * beams.ranges.size)
-        if self.parameters.field_precision == "double" and endpoints.is_compiled(self.field, steps):
-            return endpoints.sum_interpolated(
+        """Sum (N,) over beams of log p or p³."""
+        if self.parameters.field_precision == "double":
+            return sum_interpolated(
                 self.field,
                 self._law(beams.r_max),
                 beams.endpoints,
                 poses,
-                cubes=self._cubes,
                 anchoring=self._anchoring,
+                backend=self.backend,
                 threads=self.threads,
             )
         out = np.empty(poses.shape[0])
@@ -259,17 +261,17 @@ class LikelihoodField:
         rule = BeamSkipping(p.beam_skip_distance, p.beam_skip_threshold, p.beam_skip_error_threshold)
         keeps = p.field_lookup == "nearest" and poses.shape[0] * beams.ranges.size <= _MOST_LOOKED_UP
         found = self._look_up(beams, poses) if keeps else None
-        kept = kept_beams(rule, self.field, beams, poses, self._anchoring, found)
+        kept = kept_beams(rule, self.field, beams, poses, self._anchoring, found, self.backend)
         if kept is None:
             return np.full(poses.shape[0], -np.inf)
         if found is None:
             return self._score_all(beams.subset(kept), poses)
         found = found if kept.all() else found[kept]
-        total = endpoints.sum_looked_up(found, self.table(beams.r_max), self.job_size)
+        total = endpoints.sum_looked_up(found, self.table(beams.r_max), self.backend)
         return np.log1p(total) if self._cubes else total
 
     def _look_up(self, beams: Beams, poses: FloatArray) -> Codes:
-        return endpoints.look_up(self.field, beams.endpoints, poses, anchoring=self._anchoring, job_size=self.job_size)
+        return endpoints.look_up(self.field, beams.endpoints, poses, anchoring=self._anchoring, backend=self.backend)
 
 
 def _single(values: FloatArray) -> FloatArray:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.errors import UsageError
-from mclcli.native import backend
+from mclcli.native.backend import Backend, by_size
 from mclcli.world.squared_distance import squared_distances
 
 if TYPE_CHECKING:
@@ -58,11 +58,13 @@ def compute(
     *,
     boundary_only: bool = False,
     mark_unknown: bool = False,
+    backend: Backend | None = None,
 ) -> DistanceField:
     """Distance field of a map; a map without an occupied cell is at ``max_dist`` everywhere.
 
     ``boundary_only`` takes distances to occupied cells with a free one among their 4 neighbours. ``mark_unknown``
-    makes the distance NaN in unknown cells, and in the occupied cells that ``boundary_only`` leaves out.
+    makes the distance NaN in unknown cells, and in the occupied cells that ``boundary_only`` leaves out. Without a
+    ``backend`` the map's size chooses one; the field is the same.
 
     Raises
     ------
@@ -76,9 +78,10 @@ def compute(
     if not occupied.any():
         field = _field(grid, np.zeros(occupied.shape, np.uint16), np.array([max_dist]))
     elif method == "exact":
-        field = _exact(grid, occupied, max_dist)
+        field = _exact(grid, occupied, max_dist, backend)
     else:
-        field = from_metres(grid, _brushfire(occupied, max_dist / grid.resolution) * grid.resolution, max_dist)
+        metres = _brushfire(occupied, max_dist / grid.resolution, backend) * grid.resolution
+        field = from_metres(grid, metres, max_dist)
     return _marked(grid, field, grid.unknown | (grid.occupied & ~occupied)) if mark_unknown else field
 
 
@@ -123,23 +126,25 @@ def _ranked(whole: FloatArray) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return (np.cumsum(there) - 1)[numbers], place[there]
 
 
-def _exact(grid: OccupancyGrid, occupied: BoolArray, max_dist: float) -> DistanceField:
+def _exact(grid: OccupancyGrid, occupied: BoolArray, max_dist: float, backend: Backend | None) -> DistanceField:
     """Euclidean distances; codes are squared distances in cells where those fit a table."""
     reach = max_dist / grid.resolution
     if reach * reach >= np.iinfo(np.uint16).max - 1:
         limit = min(math.ceil(min(reach, 2.0**15) ** 2), sum(side * side for side in occupied.shape))
-        return from_metres(grid, np.sqrt(squared_distances(occupied, limit)) * grid.resolution, max_dist)
+        return from_metres(grid, np.sqrt(squared_distances(occupied, limit, backend)) * grid.resolution, max_dist)
     squares = np.sqrt(np.arange(math.ceil(reach * reach) + 1)) * grid.resolution
     levels = np.append(squares[squares < max_dist], max_dist)
-    return _field(grid, squared_distances(occupied, levels.size - 1).astype(np.uint16, copy=False), levels)
+    squared = squared_distances(occupied, levels.size - 1, backend)
+    return _field(grid, squared.astype(np.uint16, copy=False), levels)
 
 
-def _brushfire(occupied: BoolArray, reach: float) -> FloatArray:
+def _brushfire(occupied: BoolArray, reach: float, backend: Backend | None) -> FloatArray:
     """Shortest 8-neighbour path lengths [cells], steps 1 and √2; right at least up to ``reach``."""
     distance = np.where(occupied, 0.0, np.inf)
     rounds = min(math.ceil(reach), sum(occupied.shape))
-    if backend.worth_compiling(8.0 * rounds * distance.size):
-        backend.load("brushfire").two_pass_chamfer(distance)
+    kernels = (backend or by_size(8.0 * rounds * distance.size)).kernels("brushfire")
+    if kernels is not None:
+        kernels.two_pass_chamfer(distance)
         return distance
     for _ in range(rounds):
         relaxed = _relax(distance)

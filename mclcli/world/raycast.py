@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Final, Literal, final, get_args
 
 import numpy as np
 
-from mclcli.native import backend
+from mclcli.native.backend import load
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -84,20 +84,20 @@ class RayCaster:
         limit = max_range / self.resolution
         self._cast(self._to_cells(poses), rays, limit, out)
         most = np.inf if self.method == "bresenham_nav2" else max_range
-        backend.load("raycast").in_metres(out.reshape(-1), limit, self.resolution, max_range, most)
+        load("raycast").in_metres(out.reshape(-1), limit, self.resolution, max_range, most)
         return out
 
     def _cast(self, poses: FloatArray, rays: FloatArray, limit: float, out: FloatArray) -> None:
         if self.method == "exact":
-            backend.load("raycast").exact(self.table, poses, rays, limit, out)
+            load("raycast").exact(self.table, poses, rays, limit, out)
         elif self.method == "approximate":
             height, width = (side - 2 for side in self.table.shape[1:])
             scratch = np.empty(15 * _LANES), np.empty(_LANES + 1)
             columns = np.ascontiguousarray(rays.T)
-            approximate = backend.load("raycast_in_step").approximate
+            approximate = load("raycast_in_step").approximate
             approximate(self.table.ravel(), height, width, poses, columns, limit, out.reshape(-1), *scratch)
         else:
-            bresenham = backend.load("raycast").bresenham
+            bresenham = load("raycast").bresenham
             bresenham(self.table, poses, rays, limit, self.method == "bresenham_nav2", out)
 
     def _to_cells(self, poses: FloatArray) -> FloatArray:
@@ -133,5 +133,5 @@ def make_caster(
 
 def _open_squares(blocked: BoolArray) -> NDArray[np.uint8]:
     squares = np.empty((4, blocked.shape[0] + 2, blocked.shape[1] + 2), np.uint8)
-    backend.load("raycast").fill_squares(blocked, squares)
+    load("raycast").fill_squares(blocked, squares)
     return squares

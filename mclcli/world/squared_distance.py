@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli.native import backend
+from mclcli.native.backend import Backend, choose
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,24 +24,32 @@ if TYPE_CHECKING:
 
     Whole = NDArray[np.uint8] | NDArray[np.uint16] | NDArray[np.uint32]
 
+_KERNELS = "squared_distance"
 _ROWS = 32  # rows that are worked on together: three copies of them fit the second-level cache
 _LOOKS = frozenset((1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024))  # at these k, see whether all is done
 _PASSES_IN_NUMPY = 64  # beyond, where there is a compiler's worth of work, parabolas are faster
 
 
-def squared_distances(occupied: BoolArray, limit: int) -> NDArray[np.uint16] | NDArray[np.uint32]:
-    """Squared distances (H, W) [cells²] to the nearest cell of ``occupied``, at most ``limit`` < 2³¹."""
+def squared_distances(
+    occupied: BoolArray, limit: int, backend: Backend | None = None
+) -> NDArray[np.uint16] | NDArray[np.uint32]:
+    """Squared distances (H, W) [cells²] to the nearest cell of ``occupied``, at most ``limit`` < 2³¹.
+
+    Without a ``backend`` the number of steps chooses one; both give the same numbers.
+    """
     reach = math.isqrt(limit - 1) + 1 if limit > 0 else 0
     along_columns = _along_columns(occupied, reach)
     out = np.empty(occupied.shape, np.uint16 if limit < 2**16 else np.uint32)
     passes = min(reach, occupied.shape[1])
-    if passes > _PASSES_IN_NUMPY and backend.worth_compiling(0.25 * passes * occupied.size):
+    far = (backend or choose(0.25 * passes * occupied.size)).kernels(_KERNELS) if passes > _PASSES_IN_NUMPY else None
+    near = (backend or choose(1.25 * occupied.size)).kernels(_KERNELS) if limit < 2**15 else None
+    if far is not None:
         scratch = np.empty((2, occupied.shape[1]), np.int64)
         columns = along_columns.astype(np.uint16 if reach < 2**16 else np.uint32)
-        backend.load("squared_distance").lower_envelopes(columns, limit, out, scratch)
-    elif limit < 2**15 and (backend.in_use() or backend.worth_compiling(1.25 * occupied.size)):
+        far.lower_envelopes(columns, limit, out, scratch)
+    elif near is not None:
         line = np.empty(occupied.shape[1] + 2 * reach + 6, np.uint16)
-        backend.load("squared_distance").near(along_columns, limit, out, line)
+        near.near(along_columns, limit, out, line)
     else:
         for start in range(0, occupied.shape[0], _ROWS):
             _along_rows(along_columns[start : start + _ROWS], limit, out[start : start + _ROWS])

@@ -12,6 +12,7 @@ from mclcli.filter.start import AroundPose
 from mclcli.geometry import se3
 from mclcli.geometry.frames import TransformTree
 from mclcli.motion import build as build_motion
+from mclcli.native.backend import COMPILED
 from mclcli.records import LaserScan, Odometry, Transform
 from mclcli.replay.intake import Setup
 from mclcli.sensors.instruments import Lidar
@@ -85,8 +86,10 @@ def setup(
     parameters = settings.likelihood_field
     field = distance_field.compute(grid, "exact", parameters.laser_likelihood_max_dist)
     fields: Mapping[str, Any] = {
-        "localizer": Localizer(build_motion(settings.motion), settings.filter, seed, settings.kld, settings.recovery),
-        "instruments": {"/scan": Lidar("lidar", LikelihoodField(field, parameters, np.inf), settings.beams, alpha)},
+        "localizer": Localizer(
+            build_motion(settings.motion, COMPILED), settings.filter, seed, settings.kld, settings.recovery, COMPILED
+        ),
+        "instruments": {"/scan": Lidar("lidar", LikelihoodField(field, parameters, COMPILED), settings.beams, alpha)},
         "start": AroundPose(recording.initial, SPREAD),
         "odometry": "/odom",
         "odom_frame": "odom",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -112,9 +112,9 @@ def test_clusters_are_found_once_and_only_when_asked_for(monkeypatch: pytest.Mon
     calls: list[int] = []
     find = clusters.find
 
-    def counting(poses: FloatArray, weights: FloatArray) -> clusters.Clusters:
+    def counting(poses: FloatArray, weights: FloatArray, **how: Any) -> clusters.Clusters:
         calls.append(weights.size)
-        return find(poses, weights)
+        return find(poses, weights, **how)
 
     monkeypatch.setattr(clusters, "find", counting)
     _, hypotheses = estimate.report(np.zeros((9, 3)), np.full(9, 1.0 / 9.0), most=2)

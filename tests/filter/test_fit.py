@@ -81,7 +81,7 @@ def test_only_auto_heeds_the_fit(alpha: Temperature, expected: float) -> None:
 def test_every_model_knows_its_floor(profile: Profile, model: str) -> None:
     """Somewhere in a room a scan fits better than one that has nothing to do with it; nowhere far outside it does."""
     settings = profiles.build({}, profile=profile, model=model)
-    measured = lidar_model(ROOM, settings, distance_field.compute, 0.0)
+    measured = lidar_model(ROOM, settings, distance_field.compute)
     angles = np.linspace(-2.0, 2.0, 9)
     directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
     beams = Beams(np.zeros((9, 2)), directions, np.full(9, 1.2), 8.0, np.arange(9), 9)

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from mclcli.io.traces import trace_messages
-from mclcli.native import backend
+from tests.support import BACKENDS, each_backend
+
+if TYPE_CHECKING:
+    from mclcli.native.backend import Backend
 
 
-@pytest.mark.parametrize("used", [False, True])
-def test_clouds_are_rounded_as_stated(monkeypatch: pytest.MonkeyPatch, *, used: bool) -> None:
-    monkeypatch.setattr(backend, "in_use", lambda: used)
+@each_backend
+def test_clouds_are_rounded_as_stated(backend: Backend) -> None:
     generator = np.random.default_rng(4)
     poses, weights = generator.normal([1.0, -2.0, 0.0], [100.0, 5.0, 2.0], (1300, 3)), generator.random(1300)
-    rows, particles = trace_messages.rounded_clouds(poses, weights)
+    rows, particles = trace_messages.rounded_clouds(poses, weights, backend)
     assert np.array_equal(rows, particles[:, :7])
     assert np.array_equal(particles[:, 7], weights)
     assert np.abs(rows[:, :2] - poses[:, :2]).max() <= 2.0**-21
@@ -28,11 +31,8 @@ def test_clouds_are_rounded_as_stated(monkeypatch: pytest.MonkeyPatch, *, used: 
 
 
 @pytest.mark.parametrize("size", [0, 1, 512, 1300])
-def test_both_ways_give_the_same_bits(monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+def test_both_backends_give_the_same_bits(size: int) -> None:
     generator = np.random.default_rng(size)
     poses, weights = generator.normal(0.0, [1e3, 1.0, 2.0], (size, 3)), generator.random(size)
-    results = []
-    for used in (False, True):
-        monkeypatch.setattr(backend, "in_use", lambda used=used: used)
-        results.append([part.tobytes() for part in trace_messages.rounded_clouds(poses, weights)])
-    assert results[0] == results[1]
+    one, other = (trace_messages.rounded_clouds(poses, weights, backend) for backend in BACKENDS)
+    assert [part.tobytes() for part in one] == [part.tobytes() for part in other]

@@ -12,6 +12,7 @@ from mclcli import motion
 from mclcli.errors import UsageError
 from mclcli.geometry import se2
 from mclcli.motion import MODELS, MotionParameters
+from mclcli.native.backend import NUMPY
 from mclcli.parameters import described
 
 if TYPE_CHECKING:
@@ -113,7 +114,7 @@ def test_the_parameters_of_all_hold_those_of_each(name: str) -> None:
 
 def test_a_model_gets_its_own_values() -> None:
     for name, entry in MODELS.items():
-        assert isinstance(model_of(name), type(entry.make(entry.parameters())))
+        assert isinstance(model_of(name), type(entry.make(entry.parameters(), NUMPY)))
     alphas = {f"alpha{i}": i / 10 for i in range(1, 6)}
     chosen = MotionParameters(robot_model_type="omnidirectional", **alphas)  # type: ignore[arg-type]
     built: Any = motion.build(chosen)

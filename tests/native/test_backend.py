@@ -2,25 +2,59 @@
 
 from __future__ import annotations
 
+import ctypes
+import dataclasses
 import math
 import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from mclcli import cache
 from mclcli.errors import InputError, MclError, UsageError, nearest_name
-from mclcli.native import backend, machine_code
+from mclcli.native import array_gate, backend, machine_code, self_test, versions
+from mclcli.native.array_gate import Argument
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 LENGTH = str(2.0 + math.sqrt(2.0) - 1.0 + math.sqrt(2.0))
 KERNELS = Path(backend.__file__).parents[1] / "kernels"
 
 
-def test_the_choice_is_a_function_of_the_jobs_size() -> None:
-    assert [backend.worth_compiling(steps) for steps in (0.0, 1e6, 1e9, 1e12)] == [False, False, True, True]
+@pytest.mark.parametrize(
+    ("steps", "rounds", "chosen"),
+    [
+        (0, 0, "numpy"),
+        (1e6, 0, "numpy"),
+        (3e7, 0, "kept"),
+        (2e6, 2e4, "kept"),
+        (2e5, 60, "numpy"),
+        (1e9, 0, "compiled"),
+    ],
+)
+def test_the_choice_is_a_function_of_the_jobs_size(steps: float, rounds: float, chosen: str) -> None:
+    assert backend.choose(steps, rounds).name == chosen
+    assert backend.by_size(steps).name == ("compiled" if chosen == "compiled" else "numpy")
+
+
+KEPT = """
+import sys
+from mclcli.native import backend
+for name in ("brushfire", "trigonometry"):
+    print(backend.KEPT.kernels(name) is not None, "llvmlite" in sys.modules, "numba" in sys.modules)
+"""
+
+
+def test_what_is_kept_is_used_and_nothing_is_compiled_for_it(tmp_path: Path) -> None:
+    assert in_a_process(KEPT, tmp_path).communicate(timeout=120)[0].split() == ["False"] * 6
+    in_a_process(USE, tmp_path).communicate(timeout=120)
+    expected = "True True False\nFalse True False\n"
+    assert in_a_process(KEPT, tmp_path).communicate(timeout=120)[0] == expected
 
 
 def test_kernels_are_loaded_once_and_kept_where_the_cache_is() -> None:
@@ -118,6 +152,94 @@ def test_a_kernel_takes_every_name_of_its_type(code: str) -> None:
 
 def test_a_kernel_takes_arrays_without_elements() -> None:
     backend.load("trigonometry").cos_sin(np.empty(0), np.empty(0), np.empty(0))
+
+
+FALLEN_BACK = """
+import logging, sys
+import numpy as np
+from mclcli.native import array_gate, backend, machine_code, self_test, versions
+logging.basicConfig(level=logging.WARNING, format="%(message)s")
+{change}
+poses = np.random.default_rng(1).normal(size=(300, 3))
+sums, mean, covariance = backend.load("moments"), np.empty(3), np.empty((3, 3))
+sums.mean_and_covariance(poses, np.full(300, 1 / 300), mean, covariance, np.empty((6, 128)), np.empty((65, 6)))
+cos, sin = np.empty(300), np.empty(300)
+backend.load("trigonometry").cos_sin(np.ascontiguousarray(poses[:, 2]), cos, sin)
+print((mean.tobytes() + covariance.tobytes() + cos.tobytes() + sin.tobytes()).hex())
+"""
+CHANGES = {
+    "another numpy": 'versions.TESTED["numpy"] = ((1, 0), (1, 1))',
+    "a header that is laid out otherwise": "self_test.header_is_known = lambda: False",
+}
+
+
+@pytest.fixture(scope="module")
+def as_it_is(tmp_path_factory: pytest.TempPathFactory) -> str:
+    out, said = in_a_process(FALLEN_BACK.format(change=""), tmp_path_factory.mktemp("cache")).communicate(timeout=120)
+    assert said == ""
+    return out
+
+
+@pytest.mark.parametrize("change", ["another numpy", "a header that is laid out otherwise"])
+def test_numba_runs_the_kernels_where_gates_cannot_be_trusted(change: str, as_it_is: str, tmp_path: Path) -> None:
+    out, said = in_a_process(FALLEN_BACK.format(change=CHANGES[change]), tmp_path).communicate(timeout=120)
+    assert out == as_it_is
+    assert said.count("kernels are compiled anew in every process") == 1
+    assert len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize("field", [f.name for f in dataclasses.fields(array_gate.Header)])
+def test_a_header_with_a_field_elsewhere_is_noticed(monkeypatch: pytest.MonkeyPatch, field: str) -> None:
+    assert self_test.header_is_known()
+    moved = dataclasses.replace(array_gate.HEADER, **{field: getattr(array_gate.HEADER, field) + 8})
+    monkeypatch.setattr(self_test, "HEADER", moved)
+    assert not self_test.header_is_known()
+
+
+GATE = (Argument("<f8", 2, writable=True), Argument("int64"), Argument("<u2", 1), Argument("bool"))
+
+
+def gate_of(arguments: tuple[Argument, ...]) -> Callable[..., Callable[..., int]]:
+    """A gate that passes on what these arguments call for."""
+    address = machine_code.engine_of(array_gate.object_code(arguments)).get_function_address(array_gate.SYMBOL)
+    kinds: list[Any] = [ctypes.py_object if a.dimensions >= 0 else self_test.SCALARS[a.type] for a in arguments]
+    call = ctypes.CFUNCTYPE(ctypes.c_int32, ctypes.c_int64, ctypes.c_int64, *kinds)(address)
+    return lambda kernel: lambda *given: call(kernel, id(np.ndarray), *given)
+
+
+def test_a_gate_is_right_for_what_it_was_made_for() -> None:
+    assert self_test.gate_is_right(gate_of(GATE), GATE)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        (Argument("<f8", 1, writable=True), *GATE[1:]),
+        (Argument("<f8", 2), *GATE[1:]),
+        (Argument("<i8", 2, writable=True), *GATE[1:]),
+        (*GATE[:2], Argument("<u4", 1), GATE[3]),
+        (*GATE[:2], Argument("<i2", 1), GATE[3]),
+    ],
+)
+def test_a_gate_that_was_made_for_something_else_is_noticed(other: tuple[Argument, ...]) -> None:
+    assert not self_test.gate_is_right(gate_of(other), GATE)
+
+
+@pytest.mark.parametrize("field", ["data", "shape", "strides", "dimensions", "dtype", "flags"])
+def test_a_gate_that_reads_elsewhere_is_noticed(monkeypatch: pytest.MonkeyPatch, field: str) -> None:
+    other = {"data": "strides", "shape": "strides", "strides": "shape", "dtype": "data"}.get(field, "data")
+    wrong = dataclasses.replace(array_gate.HEADER, **{field: getattr(array_gate.HEADER, other)})
+    monkeypatch.setattr(array_gate, "HEADER", wrong)
+    gate = gate_of(GATE)
+    monkeypatch.undo()
+    assert not self_test.gate_is_right(gate, GATE)
+
+
+def test_what_is_here_has_been_tested_and_what_is_not_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert versions.untested() == ""
+    monkeypatch.setitem(versions.TESTED, "numba", ((0, 1), (0, 2)))
+    assert versions.untested().startswith("numba 0.")
+    assert versions.untested().endswith("(tested: 0.1 to 0.2)")
 
 
 def test_the_environment_names_the_cache(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ import pytest
 from mclcli.errors import InputError, MclError, UsageError
 from mclcli.filter.start import Anywhere, AroundPose
 from mclcli.io.recording.roles import RequestedRoles, assign
+from mclcli.motion.differential import DifferentialMotion
+from mclcli.native.backend import COMPILED, NUMPY, Backend
 from mclcli.records import LaserScan
 from mclcli.replay.setup import describe_extent, prepare
 from mclcli.sensors.instruments import Camera, Lidar
@@ -19,7 +21,7 @@ from mclcli.settings import profiles
 from mclcli.world.distance_field import DistanceField, compute
 from mclcli.world.landmarks import Landmarks
 from tests.io.surveys import LASER, MARKERS, ODOM, log_of
-from tests.support import transform
+from tests.support import each_backend, transform
 from tests.worlds import drawn
 
 if TYPE_CHECKING:
@@ -60,7 +62,7 @@ def test_several_lidars_are_numbered_and_share_one_field() -> None:
     found = log(("/back", LASER), ("/front", LASER), ("/odom", ODOM))
     made: list[tuple[OccupancyGrid, FieldMethod, float]] = []
 
-    def making(grid: OccupancyGrid, method: FieldMethod, max_dist: float, **how: bool) -> DistanceField:
+    def making(grid: OccupancyGrid, method: FieldMethod, max_dist: float, **how: Any) -> DistanceField:
         made.append((grid, method, max_dist))
         assert how == {"boundary_only": False, "mark_unknown": False}
         return compute(grid, method, max_dist, **how)
@@ -89,19 +91,52 @@ def test_settings_and_temperature_reach_the_parts() -> None:
     assert [instrument.alpha for instrument in setup.instruments.values()] == [0.125, "ess"]
 
 
-def test_models_know_how_much_will_be_scored() -> None:
-    settings = profiles.build({"max_beams": 12, "particles": 34})
+@pytest.mark.parametrize(("particles", "expected"), [(34, NUMPY), (100_000_000, COMPILED)])
+def test_the_size_of_the_job_chooses_one_backend_for_all_parts(particles: int, expected: Backend) -> None:
+    settings = profiles.build({"max_beams": 12, "particles": particles})
     setup = prepared(log(*TOPICS), grid=GRID, landmarks=POSTS, settings=settings)
-    lidar, camera = (setup.instruments[topic] for topic in ("/scan", "/aruco"))
-    assert isinstance(lidar, Lidar)
-    assert isinstance(lidar.model, LikelihoodField)
+    assert backends_of(setup) == {expected}
+
+
+def test_the_job_is_as_large_as_what_is_scored() -> None:
+    settings, start = profiles.build({"max_beams": 12, "particles": 34}), AroundPose(np.zeros(3), np.eye(3))
+    sizes: list[float] = []
+
+    def noted(steps: float, rounds: float) -> Backend:
+        assert steps == 34 * rounds
+        sizes.append(steps)
+        return NUMPY
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("mclcli.replay.setup.choose", noted)
+        prepared(log(*TOPICS), grid=GRID, landmarks=POSTS, settings=settings)
+        prepared(log(*TOPICS), landmarks=POSTS, settings=settings, start=start)
+    both, blind = sizes
+    assert 0 < blind < both
+
+
+def test_a_model_without_loops_in_numpy_brings_compiled_code_for_all_parts() -> None:
+    setup = prepared(log(*TOPICS), grid=GRID, landmarks=POSTS, settings=profiles.build({}, model="beam"))
+    assert backends_of(setup, lidar=False) == {COMPILED}
+
+
+@each_backend
+def test_a_backend_that_is_given_is_taken(backend: Backend) -> None:
+    setup = prepared(log(*TOPICS), grid=GRID, landmarks=POSTS, backend=backend)
+    assert backends_of(setup) == {backend}
+
+
+def backends_of(setup: Setup, *, lidar: bool = True) -> set[Backend]:
+    """Those of all parts that have one."""
+    scan, camera = (setup.instruments[topic] for topic in ("/scan", "/aruco"))
+    assert isinstance(scan, Lidar)
     assert isinstance(camera, Camera)
-    both = lidar.model.job_size
-    assert camera.model.job_size == both > 0
-    start = AroundPose(np.zeros(3), np.eye(3))
-    blind = prepared(log(*TOPICS), landmarks=POSTS, settings=settings, start=start).instruments["/aruco"]
-    assert isinstance(blind, Camera)
-    assert 0 < blind.model.job_size < both
+    assert isinstance(setup.localizer.motion, DifferentialMotion)
+    found = {camera.model.backend, setup.localizer.backend, setup.localizer.motion.backend}
+    if lidar:
+        assert isinstance(scan.model, LikelihoodField)
+        found.add(scan.model.backend)
+    return found
 
 
 def test_moving_transforms_are_read_only_where_they_are_needed() -> None:

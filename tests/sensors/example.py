@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
@@ -9,6 +10,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry import se3
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.sensors import beams
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingModel, BearingParameters, observe
@@ -47,17 +49,21 @@ class Example:
     vision: tuple[float, ...] = ()
     max_range: MaxRange = "skip"
 
-    def lidar_measurement(self, method: FieldMethod, grid: OccupancyGrid | None = None) -> Measurement:
+    def lidar_measurement(
+        self, method: FieldMethod, grid: OccupancyGrid | None = None, backend: Backend = NUMPY
+    ) -> Measurement:
         """The scan over the example's map, or over another."""
-        field = distance_field.compute(grid or example_map(), method, 2.0)
+        field = distance_field.compute(grid or example_map(), method, 2.0, backend=backend)
         selected = beams.select(scan_of(self.ranges), NO_MOUNT, BeamSelection(max_range=self.max_range))
-        return LikelihoodField(field, PARAMETERS).measure("lidar", selected)
+        return LikelihoodField(field, PARAMETERS, backend).measure("lidar", selected)
 
-    def vision_measurement(self) -> Measurement:
+    def vision_measurement(self, backend: Backend = NUMPY) -> Measurement:
         """The bearings."""
         rays = level(*(math.radians(degrees) for _, degrees in self.bearings))
         seen = sightings(0, [name for name, _ in self.bearings], rays)
-        return BEARING.measure("vision", observe(seen, se3.from_planar([0, 0, 0]), LANDMARKS))
+        return dataclasses.replace(BEARING, backend=backend).measure(
+            "vision", observe(seen, se3.from_planar([0, 0, 0]), LANDMARKS)
+        )
 
 
 def example_map() -> OccupancyGrid:

@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from mclcli.errors import UsageError
 from mclcli.geometry import se2, se3
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.sensors.bearing import FLOOR, BearingModel, BearingParameters, observe
 from mclcli.world.landmarks import Landmarks
 from tests.reference.sensors import bearings_log_p
-from tests.support import level, sightings, use_compiled
+from tests.support import BACKENDS, each_backend, level, sightings
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
@@ -31,22 +32,23 @@ coordinates = st.floats(-1e3, 1e3)
 SEEN = (("a", 0.3), ("c", -2.0), ("nobody", 1.0), ("a", 3.0))
 
 
-def model(sigma: float = 0.1, eps: float = 0.1) -> BearingModel:
-    return BearingModel(BearingParameters(sigma_bearing=sigma, eps_outlier=eps))
+def model(sigma: float = 0.1, eps: float = 0.1, backend: Backend = NUMPY) -> BearingModel:
+    return BearingModel(BearingParameters(sigma_bearing=sigma, eps_outlier=eps), backend)
 
 
-def seen_from(mount: FloatArray, *seen: tuple[str, float], sigma: float = 0.1, eps: float = 0.1) -> Measurement:
+def seen_from(
+    mount: FloatArray, *seen: tuple[str, float], sigma: float = 0.1, eps: float = 0.1, backend: Backend = NUMPY
+) -> Measurement:
     rays = level(*(bearing for _, bearing in seen))
-    return model(sigma, eps).measure("vision", observe(sightings(0, [i for i, _ in seen], rays), mount, LANDMARKS))
+    return model(sigma, eps, backend).measure(
+        "vision", observe(sightings(0, [i for i, _ in seen], rays), mount, LANDMARKS)
+    )
 
 
-@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
+@each_backend
 @given(seen=st.lists(st.tuples(st.sampled_from(["a", "b", "c", "?"]), angles), max_size=40))
-def test_every_pose_agrees_with_the_equation(
-    monkeypatch: pytest.MonkeyPatch, seen: list[tuple[str, float]], *, always: bool
-) -> None:
-    use_compiled(monkeypatch, always=always)
-    got = seen_from(se3.from_planar(MOUNT), *seen).log_likelihood(POSES)
+def test_every_pose_agrees_with_the_equation(seen: list[tuple[str, float]], backend: Backend) -> None:
+    got = seen_from(se3.from_planar(MOUNT), *seen, backend=backend).log_likelihood(POSES)
     expected = [bearings_log_p(pose, MOUNT, seen, PLACES, sigma=0.1, eps=0.1) for pose in POSES.tolist()]
     np.testing.assert_allclose(got, expected, rtol=0, atol=1e-9)
 
@@ -58,35 +60,32 @@ def test_every_pose_agrees_with_the_equation(
     sigma=st.floats(0.01, 1.0),
 )
 @example(pose=(-1.0, 0.0, 0.3), seen=[("a", -0.2), ("b", 2.0)], eps=0.1, sigma=0.5)  # standing on the landmark
-def test_both_paths_agree(
-    monkeypatch: pytest.MonkeyPatch,
+def test_both_backends_agree_to_the_bit(
     pose: tuple[float, ...],
     seen: list[tuple[str, float]],
     eps: float,
     sigma: float,
 ) -> None:
-    measurement, found = seen_from(se3.from_planar(MOUNT), *seen, sigma=sigma, eps=eps), []
-    for always in (False, True):
-        use_compiled(monkeypatch, always=always)
-        found.append(measurement.log_likelihood(np.array([pose]))[0])
-    assert found[1] == pytest.approx(found[0], rel=1e-12, abs=1e-9)
+    one, other = (
+        seen_from(se3.from_planar(MOUNT), *seen, sigma=sigma, eps=eps, backend=backend) for backend in BACKENDS
+    )
+    assert one.log_likelihood(np.array([pose])).tobytes() == other.log_likelihood(np.array([pose])).tobytes()
 
 
 @pytest.mark.parametrize("sigma", [1e-100, 1e-17, 1e-6])
-@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
-def test_no_deviation_is_too_small(monkeypatch: pytest.MonkeyPatch, sigma: float, *, always: bool) -> None:
-    use_compiled(monkeypatch, always=always)
-    measurement = seen_from(np.eye(4), *[("b", math.atan2(0.5, 1.0))] * 20, sigma=sigma, eps=0.1)
+@each_backend
+def test_no_deviation_is_too_small(sigma: float, backend: Backend) -> None:
+    measurement = seen_from(np.eye(4), *[("b", math.atan2(0.5, 1.0))] * 20, sigma=sigma, eps=0.1, backend=backend)
     near, far = measurement.log_likelihood(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2.0]]))
     assert far == pytest.approx(20 * math.log(0.1 / math.tau), rel=1e-12)
     assert far <= near <= measurement.log_peak + 1e-9
     assert sigma < 1e-6 or near == pytest.approx(measurement.log_peak, rel=1e-12)
 
 
-def test_a_particles_bits_do_not_depend_on_its_company(monkeypatch: pytest.MonkeyPatch) -> None:
-    use_compiled(monkeypatch, always=True)
+@each_backend
+def test_a_particles_bits_do_not_depend_on_its_company(backend: Backend) -> None:
     seen = [("abc"[i % 3], -3.0 + 0.17 * i) for i in range(35)]
-    score = seen_from(se3.from_planar(MOUNT), *seen).log_likelihood
+    score = seen_from(se3.from_planar(MOUNT), *seen, backend=backend).log_likelihood
     many = np.random.default_rng(5).uniform([-3, -3, -4], [3, 3, 4], (700, 3))
     together = score(many)
     order = np.random.default_rng(6).permutation(700)
@@ -95,30 +94,27 @@ def test_a_particles_bits_do_not_depend_on_its_company(monkeypatch: pytest.Monke
         assert score(many[n : n + 1])[0] == together[n]
 
 
-def test_what_is_no_pose_has_no_score_and_spoils_no_other(monkeypatch: pytest.MonkeyPatch) -> None:
-    use_compiled(monkeypatch, always=True)
+@each_backend
+def test_what_is_no_pose_has_no_score_and_spoils_no_other(backend: Backend) -> None:
     poses = POSES.copy()
     poses[3, 0], poses[11, 2], poses[17, 1] = math.nan, math.nan, math.nan
-    got = seen_from(se3.from_planar(MOUNT), *SEEN).log_likelihood(poses)
+    got = seen_from(se3.from_planar(MOUNT), *SEEN, backend=backend).log_likelihood(poses)
     assert np.flatnonzero(np.isnan(got)).tolist() == [3, 11, 17]
 
 
-@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
+@each_backend
 @given(x=coordinates, y=coordinates, yaw=angles, bearing=angles, eps=st.floats(1e-6, 1.0), sigma=st.floats(1e-3, 1.0))
 @example(x=-1.0, y=0.0, yaw=0.0, bearing=0.0, eps=0.1, sigma=0.1)  # standing on the landmark
 def test_a_known_landmark_never_costs_more_than_being_an_outlier(
-    monkeypatch: pytest.MonkeyPatch,
     x: float,
     y: float,
     yaw: float,
     bearing: float,
     eps: float,
     sigma: float,
-    *,
-    always: bool,
+    backend: Backend,
 ) -> None:
-    use_compiled(monkeypatch, always=always)
-    measurement = seen_from(np.eye(4), ("a", bearing), sigma=sigma, eps=eps)
+    measurement = seen_from(np.eye(4), ("a", bearing), sigma=sigma, eps=eps, backend=backend)
     score = measurement.log_likelihood(np.array([[x, y, yaw]]))[0]
     assert math.isfinite(score)
     assert score >= max(math.log(eps / math.tau), math.log(FLOOR)) - 1e-12
@@ -150,13 +146,10 @@ def test_an_upside_down_camera_sees_mirrored_bearings(seen: list[tuple[str, floa
     np.testing.assert_allclose(hanging.log_likelihood(POSES), standing.log_likelihood(POSES), rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
+@each_backend
 @given(pose=st.tuples(*[st.floats(-1e200, 1e200)] * 2, st.floats(-1e6, 1e6)), bearing=angles)
-def test_every_finite_pose_has_a_finite_score(
-    monkeypatch: pytest.MonkeyPatch, pose: tuple[float, ...], bearing: float, *, always: bool
-) -> None:
-    use_compiled(monkeypatch, always=always)
-    measurement = seen_from(se3.from_planar(MOUNT), ("a", bearing), ("nobody", bearing))
+def test_every_finite_pose_has_a_finite_score(pose: tuple[float, ...], bearing: float, backend: Backend) -> None:
+    measurement = seen_from(se3.from_planar(MOUNT), ("a", bearing), ("nobody", bearing), backend=backend)
     assert np.isfinite(measurement.log_likelihood(np.array([pose]))).all()
 
 

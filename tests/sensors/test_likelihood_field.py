@@ -12,14 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli.geometry import se2, se3
-from mclcli.native import backend
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.sensors import beams
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.likelihood_field import FLOOR, LikelihoodField, LikelihoodFieldParameters
 from mclcli.world import distance_field
 from mclcli.world.occupancy import UNKNOWN, OccupancyGrid
 from tests.reference.sensors import endpoints_of, exact_distances, field_log_p
-from tests.support import grid_of, scan_of, use_compiled
+from tests.support import BACKENDS, each_backend, grid_of, scan_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -40,9 +40,8 @@ POSES = np.column_stack([GENERATOR.uniform(-5, 9, 300), GENERATOR.uniform(-4, 8,
 MOUNT = (0.2, -0.1, 0.6)
 
 
-def model_over(grid: OccupancyGrid, **changes: float) -> LikelihoodField:
-    field = distance_field.compute(grid, "exact", MAX_DIST)
-    return LikelihoodField(field, PARAMETERS, **changes)  # type: ignore[arg-type]
+def model_over(grid: OccupancyGrid, backend: Backend = NUMPY, threads: int = 1) -> LikelihoodField:
+    return LikelihoodField(distance_field.compute(grid, "exact", MAX_DIST), PARAMETERS, backend, threads)
 
 
 def scores(
@@ -51,9 +50,10 @@ def scores(
     origin: tuple[float, ...] = ORIGIN,
     mount: FloatArray | None = None,
     occupied: BoolArray = ROOM,
+    backend: Backend = NUMPY,
 ) -> FloatArray:
     transform = se3.from_planar(MOUNT) if mount is None else mount
-    model = model_over(grid_of(occupied, RESOLUTION, origin))
+    model = model_over(grid_of(occupied, RESOLUTION, origin), backend)
     return model.measure("lidar", beams.select(scan, transform, EVERY)).log_likelihood(poses)
 
 
@@ -65,13 +65,11 @@ def naive(poses: FloatArray, scan: LaserScan, origin: tuple[float, ...]) -> list
 
 
 @pytest.mark.parametrize("origin", [ORIGIN, (-3.0, -2.0, 0.7), (4.0, 1.0, -2.5)])
-@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
-def test_every_pose_agrees_with_the_equation(
-    monkeypatch: pytest.MonkeyPatch, origin: tuple[float, ...], *, always: bool
-) -> None:
-    use_compiled(monkeypatch, always=always)
+@each_backend
+def test_every_pose_agrees_with_the_equation(origin: tuple[float, ...], backend: Backend) -> None:
     scan = scan_of(RANGES)
-    np.testing.assert_allclose(scores(POSES, scan, origin), naive(POSES, scan, origin), rtol=0, atol=1e-9)
+    found = scores(POSES, scan, origin, backend=backend)
+    np.testing.assert_allclose(found, naive(POSES, scan, origin), rtol=0, atol=1e-9)
 
 
 def test_poses_on_and_off_the_map_were_among_them() -> None:
@@ -81,54 +79,36 @@ def test_poses_on_and_off_the_map_were_among_them() -> None:
 
 
 @pytest.mark.parametrize("code", [np.uint16, np.uint32])
-def test_both_paths_agree_to_the_bit(monkeypatch: pytest.MonkeyPatch, code: type[np.uint16 | np.uint32]) -> None:
+def test_both_backends_agree_to_the_bit(code: type[np.uint16 | np.uint32]) -> None:
     field = distance_field.compute(grid_of(ROOM, RESOLUTION, ORIGIN), "exact", MAX_DIST)
     codes: NDArray[np.uint16] | NDArray[np.uint32] = field.codes.astype(code)  # type: ignore[assignment]
     codes.flags.writeable = False
-    model = LikelihoodField(distance_field.DistanceField(codes, field.levels, RESOLUTION, field.origin), PARAMETERS)
-    measurement = model.measure("lidar", beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY))
-    use_compiled(monkeypatch, always=False)
-    by_numpy = measurement.log_likelihood(POSES)
-    use_compiled(monkeypatch, always=True)
-    assert measurement.log_likelihood(POSES).tobytes() == by_numpy.tobytes()
+    field = distance_field.DistanceField(codes, field.levels, RESOLUTION, field.origin)
+    seen = beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY)
+    one, other = (LikelihoodField(field, PARAMETERS, b).measure("lidar", seen).log_likelihood(POSES) for b in BACKENDS)
+    assert one.tobytes() == other.tobytes()
 
 
-def test_single_beams_are_worth_the_same_bits_on_both_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_single_beams_are_worth_the_same_bits_by_both_backends() -> None:
     found = []
-    for always in (False, True):
-        use_compiled(monkeypatch, always=always)
+    for backend in BACKENDS:
         selected = beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY)
-        each = model_over(grid_of(ROOM, RESOLUTION, ORIGIN)).measure("lidar", selected).each
+        each = model_over(grid_of(ROOM, RESOLUTION, ORIGIN), backend).measure("lidar", selected).each
         assert each is not None
         found.append(np.array([each(pose) for pose in POSES]).tobytes())
     assert found[0] == found[1]
 
 
-@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
-def test_threads_and_blocks_change_no_bit(monkeypatch: pytest.MonkeyPatch, *, always: bool) -> None:
-    use_compiled(monkeypatch, always=always)
+@each_backend
+def test_threads_and_blocks_change_no_bit(backend: Backend) -> None:
     many = np.tile(POSES, (30, 1))
     selected = beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY)
     grid = grid_of(ROOM, RESOLUTION, ORIGIN)
     alone, shared = (
-        model_over(grid, threads=threads).measure("lidar", selected).log_likelihood(many) for threads in (1, 3)
+        model_over(grid, backend, threads).measure("lidar", selected).log_likelihood(many) for threads in (1, 3)
     )
     assert alone.tobytes() == shared.tobytes()
     assert alone.tobytes() == np.tile(scores(POSES, scan_of(RANGES)), 30).tobytes()
-
-
-def test_a_large_job_ahead_takes_the_compiled_path_for_one_pose_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[float] = []
-
-    def asked_for(steps: float) -> bool:
-        asked.append(steps)
-        return False
-
-    monkeypatch.setattr(backend, "worth_compiling", asked_for)
-    selected = beams.select(scan_of(RANGES), np.eye(4), EVERY)
-    for job_size in (0.0, 1e9):
-        model_over(grid_of(ROOM), job_size=job_size).measure("lidar", selected).log_likelihood(POSES[:2])
-    assert asked == [34.0, 1e9]
 
 
 @given(st.permutations(range(20)))
@@ -208,16 +188,13 @@ def test_the_floor_is_one_in_a_million_million() -> None:
     assert table[0] == 0.0
 
 
-@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
+@each_backend
 @given(
     pose=st.tuples(*[st.floats(-1e200, 1e200)] * 2, st.floats(-1e6, 1e6)),
     ranges=st.lists(st.floats(), min_size=1, max_size=5),
 )
-def test_every_finite_pose_has_a_finite_score(
-    monkeypatch: pytest.MonkeyPatch, pose: tuple[float, ...], ranges: list[float], *, always: bool
-) -> None:
-    use_compiled(monkeypatch, always=always)
-    model = model_over(grid_of(ROOM, RESOLUTION, ORIGIN))
+def test_every_finite_pose_has_a_finite_score(pose: tuple[float, ...], ranges: list[float], backend: Backend) -> None:
+    model = model_over(grid_of(ROOM, RESOLUTION, ORIGIN), backend)
     selected = beams.select(scan_of(ranges), se3.from_planar(MOUNT), BeamSelection(max_range="score"))
     got = model.measure("lidar", selected).log_likelihood(np.array([pose]))
     assert np.isfinite(got).all()
@@ -252,8 +229,8 @@ CHANGES: list[dict[str, float | str]] = [
 
 @pytest.mark.parametrize("changes", CHANGES, ids=lambda c: "-".join(map(str, c.values())))
 @pytest.mark.parametrize("code", [np.uint16, np.uint32])
-def test_both_paths_interpolate_alike(
-    monkeypatch: pytest.MonkeyPatch, changes: dict[str, float | str], code: type[np.uint16 | np.uint32]
+def test_both_backends_interpolate_to_the_same_bits(
+    changes: dict[str, float | str], code: type[np.uint16 | np.uint32]
 ) -> None:
     grid = grid_of(ROOM, RESOLUTION, (-3.0, -2.0, 0.4))
     marked = changes.get("field_unknown") == "uniform"
@@ -266,20 +243,17 @@ def test_both_paths_interpolate_alike(
     near = np.column_stack([GENERATOR.uniform(1, 3, 300), GENERATOR.uniform(2, 3, 300), GENERATOR.uniform(-4, 4, 300)])
     selected = beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY)
     found = []
-    for always in (False, True):
-        use_compiled(monkeypatch, always=always)
-        score = LikelihoodField(field, parameters, threads=2).measure("lidar", selected).log_likelihood
-        found.append(np.concatenate([score(POSES), score(near)]))
-    np.testing.assert_allclose(found[1], found[0], rtol=1e-12, atol=1e-12)
+    for backend in BACKENDS:
+        score = LikelihoodField(field, parameters, backend, threads=2).measure("lidar", selected).log_likelihood
+        found.append(np.concatenate([score(POSES), score(near)]).tobytes())
+    assert found[0] == found[1]
 
 
+@each_backend
 @pytest.mark.parametrize("combination", ["log", "one_plus_cubes"])
-def test_interpolated_bits_do_not_depend_on_the_company(
-    monkeypatch: pytest.MonkeyPatch, combination: FieldCombination
-) -> None:
-    use_compiled(monkeypatch, always=True)
+def test_interpolated_bits_do_not_depend_on_the_company(combination: FieldCombination, backend: Backend) -> None:
     parameters = dataclasses.replace(PARAMETERS, field_lookup="bilinear", combination=combination)
-    model = LikelihoodField(model_over(grid_of(ROOM, RESOLUTION, ORIGIN)).field, parameters)
+    model = LikelihoodField(model_over(grid_of(ROOM, RESOLUTION, ORIGIN)).field, parameters, backend)
     score = model.measure("lidar", beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY)).log_likelihood
     together, order = score(POSES), np.random.default_rng(6).permutation(len(POSES))
     assert (score(POSES[order]) == together[order]).all()

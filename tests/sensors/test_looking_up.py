@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 
@@ -9,25 +11,27 @@ from mclcli.sensors import endpoints
 from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
 from mclcli.world import distance_field
 from tests.sensors.test_likelihood_field import ORIGIN, POSES, RESOLUTION, ROOM
-from tests.support import grid_of, use_compiled
+from tests.support import each_backend, grid_of
+
+if TYPE_CHECKING:
+    from mclcli.native.backend import Backend
 
 FIELD = distance_field.compute(grid_of(ROOM, RESOLUTION, ORIGIN), "exact", 1.0)
 ENDS = np.random.default_rng(2).uniform(-5.0, 5.0, (19, 2))
 TABLE = np.random.default_rng(3).normal(size=FIELD.levels.size + 1)
 
 
-@pytest.mark.parametrize("always", [False, True], ids=["numpy", "compiled"])
+@each_backend
 @pytest.mark.parametrize("wide", [False, True])
-def test_two_steps_have_the_bits_of_one(monkeypatch: pytest.MonkeyPatch, *, always: bool, wide: bool) -> None:
-    use_compiled(monkeypatch, always=always)
+def test_two_steps_have_the_bits_of_one(backend: Backend, *, wide: bool) -> None:
     codes = FIELD.codes.astype(np.uint32) if wide else FIELD.codes.copy()
     codes.flags.writeable = False
     field = distance_field.DistanceField(codes, FIELD.levels, RESOLUTION, FIELD.origin)
-    found = endpoints.look_up(field, ENDS, POSES)
+    found = endpoints.look_up(field, ENDS, POSES, backend=backend)
     assert found.shape == (19, len(POSES))
     assert found.max() == field.levels.size
-    at_once = endpoints.sum_table(field, TABLE, ENDS, POSES)
-    assert endpoints.sum_looked_up(found, TABLE).tobytes() == at_once.tobytes()
+    at_once = endpoints.sum_table(field, TABLE, ENDS, POSES, backend=backend)
+    assert endpoints.sum_looked_up(found, TABLE, backend).tobytes() == at_once.tobytes()
 
 
 @pytest.mark.parametrize("most", [0, 10**9])

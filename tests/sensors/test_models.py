@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from mclcli.filter import weights
 from mclcli.geometry import se2, se3
+from mclcli.native.backend import NUMPY
 from mclcli.sensors import beams
 from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.sensors.models import LIDAR_MODELS
@@ -52,7 +53,7 @@ class Variant(NamedTuple):
         """The model over the map."""
         entry, chosen = LIDAR_MODELS[self.model], self.chosen
         grid = OccupancyGrid(CELLS, RESOLUTION, np.array(origin, dtype=np.float64))
-        return entry.make(grid, getattr(chosen, entry.group), distance_field.compute, 0.0, 1)
+        return entry.make(grid, getattr(chosen, entry.group), distance_field.compute, NUMPY, 1)
 
     def beams(self, scan: LaserScan, mount: FloatArray = MOUNT) -> Beams:
         """The beams that it scores."""

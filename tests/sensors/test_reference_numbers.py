@@ -10,22 +10,17 @@ import pytest
 from mclcli.filter import weights
 from mclcli.world import FieldMethod
 from tests.sensors.example import SET1, SET1_TOTAL, SET1_WEIGHTS, SET2, SET2_WEIGHTS, SET3, Example, example_map
-from tests.support import grid_of, use_compiled
+from tests.support import each_backend, grid_of
 
 if TYPE_CHECKING:
+    from mclcli.native.backend import Backend
     from mclcli.world.occupancy import OccupancyGrid
-
-pytestmark = pytest.mark.usefixtures("_path")
-
-
-@pytest.fixture(params=["numpy", "compiled"])
-def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    use_compiled(monkeypatch, always=request.param == "compiled")
 
 
 @pytest.mark.parametrize("method", get_args(FieldMethod))
-def test_first_set_vision_and_normalisation(method: FieldMethod) -> None:
-    measurements = [SET1.lidar_measurement(method), SET1.vision_measurement()]
+@each_backend
+def test_first_set_vision_and_normalisation(method: FieldMethod, backend: Backend) -> None:
+    measurements = [SET1.lidar_measurement(method, backend=backend), SET1.vision_measurement(backend)]
     total = weights.temper([1.0] * len(measurements), weights.score(measurements, SET1.poses))
     np.testing.assert_allclose(total, SET1_TOTAL, rtol=0, atol=1e-9)
     np.testing.assert_allclose(weights.normalise(total), SET1_WEIGHTS, rtol=0, atol=1e-9)
@@ -33,18 +28,21 @@ def test_first_set_vision_and_normalisation(method: FieldMethod) -> None:
 
 @pytest.mark.parametrize("method", get_args(FieldMethod))
 @pytest.mark.parametrize("example", [SET2, SET3], ids=["second", "third"])
-def test_lidar(method: FieldMethod, example: Example) -> None:
-    got = example.lidar_measurement(method).log_likelihood(example.poses)
+@each_backend
+def test_lidar(method: FieldMethod, example: Example, backend: Backend) -> None:
+    got = example.lidar_measurement(method, backend=backend).log_likelihood(example.poses)
     np.testing.assert_allclose(got, example.lidar[method], rtol=0, atol=1e-9)
 
 
-def test_second_set_vision_with_an_id_that_no_map_knows() -> None:
-    got = SET2.vision_measurement().log_likelihood(SET2.poses)
+@each_backend
+def test_second_set_vision_with_an_id_that_no_map_knows(backend: Backend) -> None:
+    got = SET2.vision_measurement(backend).log_likelihood(SET2.poses)
     np.testing.assert_allclose(got, SET2.vision, rtol=0, atol=1e-9)
 
 
-def test_second_set_fused() -> None:
-    measurements = [SET2.lidar_measurement("brushfire"), SET2.vision_measurement()]
+@each_backend
+def test_second_set_fused(backend: Backend) -> None:
+    measurements = [SET2.lidar_measurement("brushfire", backend=backend), SET2.vision_measurement(backend)]
     fused = weights.normalise(weights.temper([1.0] * len(measurements), weights.score(measurements, SET2.poses)))
     np.testing.assert_allclose(fused, SET2_WEIGHTS, rtol=1e-9, atol=0)
 
@@ -59,6 +57,9 @@ WRONG = {
 @pytest.mark.parametrize("method", get_args(FieldMethod))
 @pytest.mark.parametrize("example", [SET2, SET3], ids=["second", "third"])
 @pytest.mark.parametrize("grid", WRONG.values(), ids=WRONG.keys())
-def test_a_wrong_map_misses_by_far(method: FieldMethod, example: Example, grid: OccupancyGrid) -> None:
-    got = example.lidar_measurement(method, grid).log_likelihood(example.poses)
+@each_backend
+def test_a_wrong_map_misses_by_far(
+    method: FieldMethod, example: Example, grid: OccupancyGrid, backend: Backend
+) -> None:
+    got = example.lidar_measurement(method, grid, backend=backend).log_likelihood(example.poses)
     assert np.abs(got - example.lidar[method]).max() > 0.1

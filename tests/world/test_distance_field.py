@@ -14,11 +14,12 @@ from hypothesis.extra.numpy import arrays
 from mclcli.errors import UsageError
 from mclcli.world import FieldMethod, distance_field
 from tests.reference.sensors import brushfire_distances, exact_distances
-from tests.support import grid_of, use_compiled
+from tests.support import BACKENDS, each_backend, grid_of
 from tests.worlds import drawn
 
 if TYPE_CHECKING:
     from mclcli.arrays import BoolArray
+    from mclcli.native.backend import Backend
 
 REFERENCES = {"exact": exact_distances, "brushfire": brushfire_distances}
 shapes = st.tuples(st.integers(1, 9), st.integers(1, 9))
@@ -26,19 +27,14 @@ rooms = shapes.flatmap(lambda shape: arrays(np.bool_, shape, elements=st.integer
 resolutions = st.sampled_from([1.0, 0.05, 0.3])
 
 
-@pytest.fixture(params=["numpy", "compiled"])
-def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    use_compiled(monkeypatch, always=request.param == "compiled")
-
-
 @pytest.mark.parametrize("method", get_args(FieldMethod))
-@pytest.mark.usefixtures("_path")
+@each_backend
 @given(occupied=rooms, resolution=resolutions, reach=st.sampled_from([0.5, 1.0, 3.7, 50.0]))
 def test_every_cell_agrees_with_the_reference(
-    method: FieldMethod, occupied: BoolArray, resolution: float, reach: float
+    method: FieldMethod, occupied: BoolArray, resolution: float, reach: float, backend: Backend
 ) -> None:
     max_dist = reach * resolution
-    field = distance_field.compute(grid_of(occupied, resolution), method, max_dist)
+    field = distance_field.compute(grid_of(occupied, resolution), method, max_dist, backend=backend)
     expected = REFERENCES[method](occupied.tolist(), resolution, max_dist)
     np.testing.assert_allclose(field.metres(), expected, rtol=0, atol=1e-9 * resolution)
 
@@ -67,12 +63,9 @@ def test_a_path_is_never_shorter_than_the_straight_line(occupied: BoolArray) -> 
     assert (paths <= 1.0824 * exact + 1e-6).all()
 
 
-def test_both_paths_give_the_same_brushfire_to_the_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_both_paths_give_the_same_brushfire_to_the_bit() -> None:
     grid = grid_of(np.random.default_rng(5).random((60, 83)) < 0.01, 0.05)
-    use_compiled(monkeypatch, always=False)
-    by_numpy = distance_field.compute(grid, "brushfire", 1.0)
-    use_compiled(monkeypatch, always=True)
-    compiled = distance_field.compute(grid, "brushfire", 1.0)
+    by_numpy, compiled = (distance_field.compute(grid, "brushfire", 1.0, backend=backend) for backend in BACKENDS)
     np.testing.assert_array_equal(by_numpy.codes, compiled.codes)
     np.testing.assert_allclose(by_numpy.levels, compiled.levels, rtol=0, atol=1e-12)
 

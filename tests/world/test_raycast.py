@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from mclcli.geometry import se2
-from mclcli.native import backend
+from mclcli.native.backend import load
 from mclcli.world.raycast import CastMethod, RayCaster, make_caster
 from tests.reference.raycast import first_hit, is_clear, pieces
 from tests.support import grid_of
@@ -260,7 +260,7 @@ def test_a_map_without_an_obstacle_is_seen_through(method: CastMethod) -> None:
 def test_the_largest_open_squares_are_found() -> None:
     occupied = np.random.default_rng(1).random((9, 11)) < 0.15
     squares = np.empty((4, 11, 13), np.uint8)
-    backend.load("raycast").fill_squares(occupied, squares)
+    load("raycast").fill_squares(occupied, squares)
     padded = np.pad(occupied, 1, constant_values=True)
     for q, right, up in ((0, -1, -1), (1, 1, -1), (2, -1, 1), (3, 1, 1)):
         for row in range(11):

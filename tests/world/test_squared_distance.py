@@ -10,10 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from mclcli.native import backend
+from mclcli.native.backend import COMPILED, NUMPY, Backend, load
 from mclcli.world import squared_distance
 from mclcli.world.squared_distance import squared_distances
-from tests.support import use_compiled
 
 if TYPE_CHECKING:
     from mclcli.arrays import BoolArray
@@ -35,18 +34,15 @@ def naive(occupied: BoolArray, limit: int) -> list[list[int]]:
 
 
 @pytest.fixture(params=["numpy", "compiled", "compiled, near"])
-def _path(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    backend.load("squared_distance")  # Hypothesis watches what runs within a test, and the compiler is a lot of that
-    always = request.param != "numpy"
-    use_compiled(monkeypatch, always=always)
-    monkeypatch.setattr(backend, "in_use", lambda: always)
+def backend(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Backend:
+    load("squared_distance")  # Hypothesis watches what runs within a test, and the compiler is a lot of that
     monkeypatch.setattr(squared_distance, "_PASSES_IN_NUMPY", 0 if request.param == "compiled" else 10**9)
+    return NUMPY if request.param == "numpy" else COMPILED
 
 
-@pytest.mark.usefixtures("_path")
 @given(occupied=rooms, limit=st.sampled_from(LIMITS))
-def test_every_cell_has_the_least_of_all_squared_distances(occupied: BoolArray, limit: int) -> None:
-    found = squared_distances(occupied, limit)
+def test_every_cell_has_the_least_of_all_squared_distances(occupied: BoolArray, limit: int, backend: Backend) -> None:
+    found = squared_distances(occupied, limit, backend)
     assert found.dtype == (np.uint16 if limit < 2**16 else np.uint32)
     assert found.tolist() == naive(occupied, limit)
 
@@ -54,11 +50,9 @@ def test_every_cell_has_the_least_of_all_squared_distances(occupied: BoolArray, 
 def test_both_paths_agree_on_a_large_map(monkeypatch: pytest.MonkeyPatch) -> None:
     occupied = np.random.default_rng(3).random((301, 517)) < 5e-5
     found = []
-    for always, passes in ((False, 0), (True, 0), (True, 10**9)):
-        use_compiled(monkeypatch, always=always)
-        monkeypatch.setattr(backend, "in_use", lambda always=always: always)
+    for backend, passes in ((NUMPY, 0), (COMPILED, 0), (COMPILED, 10**9)):
         monkeypatch.setattr(squared_distance, "_PASSES_IN_NUMPY", passes)
-        found.append(squared_distances(occupied, 150**2))
+        found.append(squared_distances(occupied, 150**2, backend))
     assert (found[0] == found[1]).all()
     assert (found[0] == found[2]).all()
     assert found[0].max() > 100**2

@@ -125,7 +125,7 @@ class Outputs:
             self._mcap_files.append(stream)
             self._points.append(self._mcaps[-1])
         elif role == "trace":
-            self._steps.append(TraceCsv(stream, self._metadata, sensors=sensors))
+            self._steps.append(TraceCsv(stream, self._metadata, sensors=sensors, backend=self._setup.localizer.backend))
         elif role == "steps":
             self._steps.append(StepsCsv(stream, sensors=sensors))
         else:
@@ -146,6 +146,7 @@ class Outputs:
             base_frame=self._setup.base_frame,
             map_frame=self._settings.frames.global_frame_id,
             static_transforms=tuple(self._recording.survey.statics.values()),
+            backend=self._setup.localizer.backend,
         )
 
 

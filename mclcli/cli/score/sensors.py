@@ -23,13 +23,14 @@ def instruments(
 
     from mclcli.io.maps.field_cache import cached_field
     from mclcli.io.tables.landmarks_file import read_bearings, read_landmarks
+    from mclcli.native.backend import choose
     from mclcli.replay.setup import alpha_of, lidar_model
     from mclcli.sensors.bearing import BearingModel
     from mclcli.sensors.instruments import Camera, Lidar
 
-    job_size = poses * scan.scan.ranges.size
+    backend = choose(poses * scan.scan.ranges.size, rounds=scan.scan.ranges.size)
     make_field = lambda *what, **how: cached_field(*what, **how)[0]  # noqa: E731
-    model = lidar_model(grid, settings, make_field, job_size, options.threads)
+    model = lidar_model(grid, settings, make_field, backend, options.threads)
     temperature, mounts = options.sensors.temperature, options.sensors.mounts
     lidar = Lidar("lidar", model, settings.beams, alpha_of(temperature, "lidar", 1.0))
     problem = lidar.problem(scan.scan)
@@ -40,6 +41,6 @@ def instruments(
         raise UsageError("--landmarks and --bearings go together: where the landmarks are, and what was seen of them")
     if options.landmarks is not None and options.bearings is not None:
         landmarks, alpha = read_landmarks(options.landmarks), alpha_of(temperature, "vision", 1.0)
-        camera = Camera("vision", BearingModel(settings.bearing, job_size), landmarks, alpha)
+        camera = Camera("vision", BearingModel(settings.bearing, backend), landmarks, alpha)
         used.append((camera, read_bearings(options.bearings), mounts.get("camera", np.eye(4))))
     return used

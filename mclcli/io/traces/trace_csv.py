@@ -15,10 +15,11 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.io.traces.sinks import COVARIANCE_COLUMNS, covariance_text, require_finite, stamp_text
-from mclcli.native import backend
+from mclcli.native.backend import NUMPY, Backend
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+    from types import SimpleNamespace
 
     from mclcli.arrays import FloatArray
     from mclcli.io.traces.sinks import TextSink
@@ -33,15 +34,20 @@ class TraceCsv:
     """Weight trace: ``step,stamp,particle,x,y,yaw,log_<sensor>…,log_weight,weight``.
 
     ``metadata`` becomes one JSON object on a line that starts with ``#``. The columns of sensors are those of
-    ``sensors``, or of the first record where that is None.
+    ``sensors``, or of the first record where that is None. ``backend`` writes the numbers; the text is the same.
     """
 
-    __slots__ = ("_sensors", "_started", "_stream")
+    __slots__ = ("_backend", "_sensors", "_started", "_stream")
 
     def __init__(
-        self, stream: TextSink, metadata: Mapping[str, object], *, sensors: Sequence[str] | None = None
+        self,
+        stream: TextSink,
+        metadata: Mapping[str, object],
+        *,
+        sensors: Sequence[str] | None = None,
+        backend: Backend = NUMPY,
     ) -> None:
-        self._stream = stream
+        self._stream, self._backend = stream, backend
         self._sensors = None if sensors is None else tuple(sensors)
         self._started = False
         stream.write(f"# {metadata_line(metadata)}\n")
@@ -63,7 +69,7 @@ class TraceCsv:
         block = np.column_stack([record.poses, logs.T, record.log_weights, record.weights])
         prefix = f"{record.step},{stamp_text(record.stamp_ns)},"
         for first in range(0, n, _ROWS):
-            self._stream.write(rows_text(prefix, first, block[first : first + _ROWS]))
+            self._stream.write(rows_text(prefix, first, block[first : first + _ROWS], self._backend))
 
     def close(self) -> None:
         """Write the header if no record did."""
@@ -166,12 +172,10 @@ def _plain(value: object) -> object:
     return [_plain(item) for item in value] if isinstance(value, list | tuple) else value
 
 
-def rows_text(prefix: str, first: int, block: FloatArray) -> str:
-    """Rows (n, C) as text: prefix, number from ``first`` on, all but the last column fixed, the last general.
-
-    Compiled code, which writes the same text, does it where a larger job has brought it into this process.
-    """
-    return _rows_compiled(prefix, first, block) if backend.in_use() else _rows(prefix, first, block)
+def rows_text(prefix: str, first: int, block: FloatArray, backend: Backend = NUMPY) -> str:
+    """Rows (n, C) as text: prefix, number from ``first`` on, all but the last column fixed, the last general."""
+    kernels = backend.kernels("text")
+    return _rows(prefix, first, block) if kernels is None else _rows_compiled(kernels, prefix, first, block)
 
 
 def _rows(prefix: str, first: int, block: FloatArray) -> str:
@@ -182,12 +186,12 @@ def _rows(prefix: str, first: int, block: FloatArray) -> str:
     return text if np.isfinite(block).all() else _without_unusable(text)
 
 
-def _rows_compiled(prefix: str, first: int, block: FloatArray) -> str:
+def _rows_compiled(kernels: SimpleNamespace, prefix: str, first: int, block: FloatArray) -> str:
     """As far as compiled code can write the numbers; the rest by ``%``."""
     head, block = np.frombuffer(prefix.encode(), np.uint8), np.ascontiguousarray(block)
     out = np.empty(len(block) * (head.size + 32 * (block.shape[1] + 1)), np.uint8)
     done = np.zeros(2, np.int64)
-    backend.load("text").put_rows(block, first, head, out, done)
+    kernels.put_rows(block, first, head, out, done)
     rows, end = done.tolist()
     text = out[:end].tobytes().decode()
     return text if rows == len(block) else text + _rows(prefix, first + rows, block[rows:])

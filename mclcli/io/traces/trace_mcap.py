@@ -11,6 +11,7 @@ from mclcli.io.traces import trace_messages as messages
 from mclcli.io.traces.chunked_mcap import ROSBAG2, ChunkedMcap, ros2_stream
 from mclcli.io.traces.mcap_writer import for_clouds
 from mclcli.io.traces.sinks import require_finite
+from mclcli.native.backend import NUMPY, Backend
 from mclcli.records import Transform
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class TraceMcap:
     raised by a later call, ``close`` at the latest (see ``ChunkedMcap``).
     """
 
-    __slots__ = ("_base", "_file", "_grid", "_has_base", "_map", "_odom", "_started", "_statics")
+    __slots__ = ("_backend", "_base", "_file", "_grid", "_has_base", "_map", "_odom", "_started", "_statics")
 
     def __init__(
         self,
@@ -61,7 +62,9 @@ class TraceMcap:
         base_frame: str,
         map_frame: str = "map",
         static_transforms: Sequence[Transform] = (),
+        backend: Backend = NUMPY,
     ) -> None:
+        self._backend = backend
         self._grid = grid
         self._map, self._odom, self._base = map_frame, odom_frame, base_frame
         self._statics = [t for t in static_transforms if self._is_kept(t)]
@@ -138,7 +141,7 @@ class TraceMcap:
         require_finite("estimate", record.estimate.pose)
         require_finite("covariance", record.estimate.covariance)
         stamp, frame = record.stamp_ns, self._map
-        poses, particles = messages.rounded_clouds(record.poses, record.weights)
+        poses, particles = messages.rounded_clouds(record.poses, record.weights, self._backend)
         found = record.hypotheses()
         places = messages.planar_poses(np.array([h.estimate.pose for h in found]).reshape(-1, 3))
         hypotheses = np.column_stack([places, [h.weight for h in found]])

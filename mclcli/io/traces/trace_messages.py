@@ -15,7 +15,7 @@ from mclcli.errors import InputError
 from mclcli.geometry.trigonometry import cos_sin
 from mclcli.io.traces.cdr import CdrWriter
 from mclcli.io.traces.sinks import NANOSECONDS, stamp_text
-from mclcli.native import backend
+from mclcli.native.backend import NUMPY, Backend
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,16 +108,15 @@ def planar_poses(poses: FloatArray) -> FloatArray:
     return rows
 
 
-def rounded_clouds(poses: FloatArray, weights: FloatArray) -> tuple[FloatArray, FloatArray]:
+def rounded_clouds(poses: FloatArray, weights: FloatArray, backend: Backend = NUMPY) -> tuple[FloatArray, FloatArray]:
     """``planar_poses`` (N, 7), and the same with their weights (N, 8), rounded as ``ROUNDING`` says.
 
     So their last bytes are zero and chunks compress.
     """
-    particles = np.zeros((len(poses), 8))
-    if backend.in_use():
-        rows, scratch = np.empty((len(poses), 7)), np.empty((3, 512))
-        kernel, poses = backend.load("clouds").rounded_rows, np.ascontiguousarray(poses)
-        kernel(poses, np.ascontiguousarray(weights), 2.0**20, 2.0**24, rows, particles, scratch)
+    particles, kernels = np.zeros((len(poses), 8)), backend.kernels("clouds")
+    if kernels is not None:
+        rows, scratch, poses = np.empty((len(poses), 7)), np.empty((3, 512)), np.ascontiguousarray(poses)
+        kernels.rounded_rows(poses, np.ascontiguousarray(weights), 2.0**20, 2.0**24, rows, particles, scratch)
         return rows, particles
     particles[:, :2], particles[:, 7] = _rounded(poses[:, :2], 20), weights
     cos, sin = cos_sin(0.5 * poses[:, 2])
