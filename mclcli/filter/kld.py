@@ -137,7 +137,7 @@ def number_compiled(
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Number (N,) of each bin (N, 3) in the order they first appear, where each of the C does, and the hash table."""
     number, first, count = np.empty(index.shape[0], np.int64), np.empty(index.shape[0], np.int64), np.zeros(1, np.int64)
-    table = np.full(1 << (2 * index.shape[0]).bit_length(), -1)
+    table = np.empty(1 << (2 * index.shape[0]).bit_length(), np.int64)
     backend.load("particles").number_bins(index, number, first, count, table)
     return number, first[: count[0]], table
 
