@@ -90,10 +90,11 @@ class GlobalSearch:
         )
 
     def _selection(self, scans: int) -> BeamSelection:
-        """Beams of each of so many scans."""
-        p = self.settings.search
+        """Beams of each of so many scans; what saw nothing is left out, whatever the lidar's own model makes of it."""
+        p, chosen = self.settings.search, self.settings.beams
         each = p.locate_beams if scans == 1 else min(p.locate_beams, max(2, p.window_beams // scans))
-        return dataclasses.replace(self.settings.beams, max_beams=each)
+        max_range = "skip" if chosen.max_range == "as_read" else chosen.max_range
+        return dataclasses.replace(chosen, max_beams=each, max_range=max_range)
 
     def _chosen(self, scans: list[Observation]) -> list[Observation]:
         """Scans of every lidar, spread along the way, in order of time."""
