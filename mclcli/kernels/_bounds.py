@@ -10,6 +10,8 @@ import numpy as np
 
 from mclcli.kernels import OPTIONS
 
+_FAR = 2**40  # cells: farther than any map reaches; sums of a few such numbers do not overflow
+
 
 @nb.njit(**OPTIONS)
 def _whole(value, low, high):  # type: ignore[no-untyped-def]
@@ -30,6 +32,13 @@ def _within(value, low, high):  # type: ignore[no-untyped-def]
 def _holds(size, height, width):  # type: ignore[no-untyped-def]
     """Whether ``size`` elements are enough for so many rows and columns, at least one of each."""
     return height > 0 and width > 0 and size // width >= height
+
+
+@nb.njit(**OPTIONS)
+def _is_level(shape, size):  # type: ignore[no-untyped-def]
+    """Whether the level that ``shape`` (5,) describes lies in a pool of this size."""
+    start, height, width, margin = shape[0], shape[1], shape[2], shape[4]
+    return 0 <= start <= size and 0 <= margin < _FAR and _holds(size - start, height, width)
 
 
 @nb.njit(**OPTIONS)

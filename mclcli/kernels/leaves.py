@@ -13,7 +13,7 @@ import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels._bounds import _extremes, _reaches, _whole
+from mclcli.kernels._bounds import _FAR, _extremes, _is_level, _reaches, _whole
 from mclcli.kernels._vectors import SIDE, add_blocks
 
 _FURTHER = 6.0  # tempered nats by which blocks are followed beyond what is sought
@@ -36,7 +36,7 @@ def spread(codes, cost, low, left, plane):  # type: ignore[no-untyped-def]
     """Fill ``plane`` (H, W): entry (r, c) has the cost of cell (low + r, left + c), off the map the last cost."""
     height, width = codes.shape
     last = nb.int64(cost.size - 1)
-    if last < 0:
+    if last < 0 or not (-_FAR < low < _FAR and -_FAR < left < _FAR):
         return
     off = cost[last]
     for row in range(plane.shape[0]):
@@ -82,9 +82,8 @@ def _bound(pool, shape, ends, row, column, table):  # type: ignore[no-untyped-de
     total = 0.0
     for i in range(ends.shape[0]):
         y, x = row + ends[i, 0] + margin, column + ends[i, 1] + margin
-        at = start + y * width + x
-        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width) & (at >= 0) & (at < pool.size)
-        total += table[pool[at] if inside else 255]
+        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+        total += table[pool[start + y * width + x] if inside else 255]
     return total
 
 
@@ -155,7 +154,9 @@ def look(  # type: ignore[no-untyped-def]
     a lesser key are left out. ``counts`` (H, W) are 1 where the base may be; ``sums`` (64,) is scratch.
     """
     height, width = codes.shape
-    if log_p.size == 0 or counts.shape != codes.shape or table.size < 256 or not 0 <= stride <= cells.size:
+    if log_p.size == 0 or counts.shape != codes.shape or table.size < 256:
+        return
+    if not (0 <= stride <= cells.size and _is_level(shape, pool.size)):
         return
     limit = _affordable(perfect, step, real[0] - slack - law[4])
     # Blocks that cost more than this throughout weigh as if they cost no more.

@@ -173,7 +173,9 @@ def approximate(flat, height, width, poses, rays, limit, out, lanes, results):  
     ``results`` (129,).
     """
     count = rays.shape[1]
-    if not _holds(flat.size // 4, height + 2, width + 2) or min(height, width) < 1 or flat[0] != 0:
+    if not (0 < height < flat.size and 0 < width < flat.size and _holds(flat.size // 4, height + 2, width + 2)):
+        return
+    if flat[0] != 0:
         return  # where nothing is on the map, rays would not arrive
     for begin in range(0, poses.shape[0] * count, _LANES):
         size, outside, at = min(_LANES, poses.shape[0] * count - begin), 0, 0

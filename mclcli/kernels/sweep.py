@@ -13,7 +13,7 @@ from __future__ import annotations
 import numba as nb
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels._bounds import _extremes, _reaches
+from mclcli.kernels._bounds import _FAR, _extremes, _is_level, _reaches
 from mclcli.kernels._vectors import LANES, add_rows
 
 _LOOK = 8  # beams between two looks at whether any node of a row can still count
@@ -36,7 +36,7 @@ def deal(pool, shape, cost, low, left, plane):  # type: ignore[no-untyped-def]
     ``shape`` (5,) says where the level lies in ``pool`` (see ``mclcli.world.pyramid``); ``cost`` (256,) is by bin.
     """
     start, height, width, margin = shape[0], shape[1], shape[2], shape[4]
-    if cost.size < 256:
+    if cost.size < 256 or not (-_FAR < low < _FAR and -_FAR < left < _FAR and _is_level(shape, pool.size)):
         return
     for row in range(plane.shape[1]):
         y = row + low + margin
@@ -44,9 +44,7 @@ def deal(pool, shape, cost, low, left, plane):  # type: ignore[no-untyped-def]
         for k in range(8):
             for column in range(plane.shape[2]):
                 x = left + 8 * column + k + margin
-                at = start + y * width + x
-                there = inside & (x >= 0) & (x < width) & (at >= 0) & (at < pool.size)
-                plane[k, row, column] = cost[pool[at] if there else 255]
+                plane[k, row, column] = cost[pool[start + y * width + x] if inside & (x >= 0) & (x < width) else 255]
 
 
 @nb.njit(**OPTIONS)
@@ -119,8 +117,10 @@ def sweep(  # type: ignore[no-untyped-def]
     """
     room = min(out.shape[0], costs.size) - _SIDE * _SIDE * 4 * LANES
     coarse_extremes, fine_extremes = _extremes(coarse_starts), _extremes(fine_starts)
-    if min(state[0], state[1], state[2], state[3]) < 0:
-        state[0] = coarse_counts.shape[0]
+    if min(state[0], state[1], state[2], state[3]) < 0 or state[1] > coarse_counts.shape[1]:
+        return
+    if not (0 <= coarse_width <= coarse.size and 0 <= fine_width <= fine.size):
+        return
     while state[0] < coarse_counts.shape[0]:
         row, column = state[0], state[1]
         if not _any_place(coarse_counts, row, column):
