@@ -69,8 +69,8 @@ class GlobalSearch:
     def find(self, observations: Sequence[Observation], k: int) -> Location | None:
         """The k most probable places of the base at the last observation; None if it can be nowhere, or saw nothing."""
         view = self.view(observations)
-        if view is None:
-            return None
+        if view is None or not (_sees(view.beams) or any(b.angles.size for b in view.bearings)):
+            return None  # every place would be as good, and all of them be looked at
         return locating.locate(self.scene, view, self.settings.search, k, self._temper)
 
     def view(self, observations: Sequence[Observation]) -> View | None:
@@ -127,6 +127,11 @@ class GlobalSearch:
         white = np.zeros_like(found.covariances)
         white[0] = _WHITE
         return dataclasses.replace(found, covariances=found.covariances + white).alpha
+
+
+def _sees(beams: Beams) -> bool:
+    """Whether any beam has a return."""
+    return bool((beams.ranges < beams.r_max).any())
 
 
 def _joined(scans: Sequence[Observation], now: FloatArray, selection: BeamSelection) -> Beams:
