@@ -114,6 +114,19 @@ def between(shape: tuple[int, int], levels: FloatArray, codes: NDArray[Any], x: 
     return (1.0 - v) * lower + v * upper
 
 
+@pytest.mark.parametrize("far", FAR)
+@pytest.mark.parametrize("beam", range(4))
+def test_one_beam_of_four_that_ends_nowhere(far: float, beam: int) -> None:
+    """Four beams share a test of whether they are clear of the border; what is no number must not pass it."""
+    codes, values = guarded(*field((40, 40), np.uint16))
+    ends, total = np.zeros((2, 4)), np.zeros(1)
+    ends[0, beam] = far
+    scratch = guarded(np.zeros((5, 256)), np.zeros((4, 256), np.int32))
+    args = (codes, 40, 40, values, *FRAME, np.array([[20.5, 20.5, 0.0]]), ends.ravel(), total)
+    backend.load("likelihood_field").sum_log_p(*args, *scratch)
+    assert total[0] == 3.0 * values[codes[20 * 40 + 20]] - 1000.0
+
+
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("shape", [*SHAPES, (12, 12)])
 def test_distances_between_cells(shape: tuple[int, int], kind: type[Any]) -> None:
