@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SHAPES = [(6, 8), (1, 9), (9, 1), (1, 1)]
 KINDS = [np.uint16, np.uint32]
 FRAME = (0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0)  # cells of 1 m from the origin on: all places are exact
-AWAY = (-2.0, -1.5, -1.0, -0.5, -1e-9, -0.0, 0.0, 1e-9, 0.5, 1.0, 1.5, 2.0)
+AWAY = (-2.0, -1.5, -1.0, -0.5, -0.25, -1e-9, -0.0, 0.0, 1e-9, 0.5, 1.0, 1.5, 2.0)
 _RING = 64
 FAR = (2.0**31, -(2.0**31), 2.0**31 - 1.0, -(2.0**31) - 1.0, 2.0**32, 1e300, math.inf, -math.inf, math.nan)
 
