@@ -12,7 +12,12 @@ _UNITS: dict[str, dict[str, float]] = {
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "km": 1e3},
     "s": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
 }
-_LARGEST = {"m": 1e9, "rad": 1e9}  # nothing is farther; and the squares of wild numbers overflow
+FARTHEST = 1e9
+"""What no coordinate, range or radius is beyond [m]: from there on float64 tells no tenth of a micrometre apart, no
+robot goes there, and squares, sums and divisions by the smallest cells stay far from overflow."""
+MOST_TURNED = 1e6
+"""What no angle is beyond [rad]: up to here cosines keep their digits (``geometry.trigonometry``)."""
+_LARGEST = {"m": FARTHEST, "rad": MOST_TURNED}
 
 
 def parse_quantity(text: str, unit: str, what: str) -> float:
@@ -21,8 +26,8 @@ def parse_quantity(text: str, unit: str, what: str) -> float:
     Raises
     ------
     UsageError
-        ``WHAT: 'TEXT' is not …`` if it is no finite number, carries a unit of another kind, or is a length or angle
-        beyond 1e9.
+        ``WHAT: 'TEXT' is not …`` if it is no finite number, carries a unit of another kind, or is a length beyond
+        ``FARTHEST`` or an angle beyond ``MOST_TURNED``.
 
     """
     units = _UNITS.get(unit, {})

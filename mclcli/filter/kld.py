@@ -144,7 +144,7 @@ def number_bins(kernels: SimpleNamespace, index: IntArray) -> tuple[IntArray, In
     ``kernels`` are those of ``particles``.
     """
     number, first, count = np.empty(index.shape[0], np.int64), np.empty(index.shape[0], np.int64), np.zeros(1, np.int64)
-    table = np.full(1 << (2 * index.shape[0]).bit_length(), -1)
+    table = np.empty(1 << (2 * index.shape[0]).bit_length(), np.int64)
     kernels.number_bins(index, number, first, count, table)
     return number, first[: count[0]], table
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numba as nb
 import numpy as np
 
@@ -42,8 +40,9 @@ def _clearance(x, y, cos, sin, width, height):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(**OPTIONS)
-def _longest(end_x, end_y):  # type: ignore[no-untyped-def]
-    square = 0.0
+def _stay_within(end_x, end_y, clearance):  # type: ignore[no-untyped-def]
+    """Whether all endpoints are nearer than ``clearance`` [cells]; those that are not finite are not."""
+    within, square = clearance > 0.0, clearance * clearance
     for k in range(end_x.size):
-        square = max(square, end_x[k] * end_x[k] + end_y[k] * end_y[k])
-    return math.sqrt(square)
+        within &= end_x[k] * end_x[k] + end_y[k] * end_y[k] < square
+    return within

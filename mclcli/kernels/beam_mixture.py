@@ -78,11 +78,11 @@ def textbook(  # type: ignore[no-untyped-def]
         some = ranges[start : start + size]
         _shares(some, r_max, deviation, shares)
         for k in range(unseen.size):
-            if unseen[k] < some.size:
+            if 0 <= unseen[k] < some.size:
                 judged[k] = z_hit * 0.5 * math.erfc((r_max - some[unseen[k]]) / deviation) + z_max
         _add_up(some, beams, shares, r_max, half_cell, sigma, rate, z_hit, z_short)
         for k in range(unseen.size):
-            if unseen[k] < some.size:
+            if 0 <= unseen[k] < some.size:
                 some[unseen[k]] = judged[k]
 
 

@@ -57,9 +57,9 @@ def sum_log_p(  # type: ignore[no-untyped-def]
         size, total = min(_BLOCK, poses.shape[0] - start), out[start : start + _BLOCK]
         product = block[4, :size]
         _place(poses[start : start + size], origin_x, origin_y, block)
-        for first in range(0, x.size, factors):
+        for first in range(0, x.size, max(factors, 1)):
             product[:] = 1.0
-            for m in range(first, min(first + factors, x.size)):
+            for m in range(first, min(first + max(factors, 1), x.size)):
                 _multiply(block, size, x[m], y[m], along[m], across[m], factor, peak, rest, floor, product)
             for i in range(size):
                 total[i] += _log(product[i])

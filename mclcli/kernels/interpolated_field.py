@@ -13,10 +13,12 @@ import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
+from mclcli.kernels._bounds import _holds
 from mclcli.kernels._cells import _clearance, _place
 from mclcli.kernels._exponential import _exp2, _log
 
 _BLOCK = 256  # particles whose sums stay in the first-level cache while all beams pass over them
+_MOST_CELLS = 2**31 - 1  # whose numbers have 32 bits
 _FLAT = nb.types.Array(nb.float64, 1, "C", readonly=True)
 _POSES = nb.types.Array(nb.float64, 2, "C", readonly=True)
 
@@ -62,20 +64,24 @@ def _between_cells_anywhere(block, size, end_x, end_y, width, height, cells):  #
 def _look_up(codes, levels, block, size, width, cells):  # type: ignore[no-untyped-def]
     """Distances of the four cells whose lower left one is known."""
     first, second, third, fourth, at = block[6], block[7], block[8], block[9], cells[0]
+    last = nb.uint32(levels.size - 1)
     for i in range(size):
         cell = nb.uint32(at[i])
-        first[i], second[i] = levels[codes[cell]], levels[codes[nb.uint32(cell + 1)]]
+        first[i] = levels[min(nb.uint32(codes[cell]), last)]
+        second[i] = levels[min(nb.uint32(codes[nb.uint32(cell + 1)]), last)]
         cell = nb.uint32(cell + width)
-        third[i], fourth[i] = levels[codes[cell]], levels[codes[nb.uint32(cell + 1)]]
+        third[i] = levels[min(nb.uint32(codes[cell]), last)]
+        fourth[i] = levels[min(nb.uint32(codes[nb.uint32(cell + 1)]), last)]
 
 
 @nb.njit(**OPTIONS)
 def _look_up_anywhere(codes, levels, block, size, cells):  # type: ignore[no-untyped-def]
     """Distances of the four cells all of which are known."""
+    last = nb.uint32(levels.size - 1)
     for k in range(4):
         to, at = block[6 + k], cells[k]
         for i in range(size):
-            to[i] = levels[codes[nb.uint32(at[i])]]
+            to[i] = levels[min(nb.uint32(codes[nb.uint32(at[i])]), last)]
 
 
 @nb.njit(**OPTIONS)
@@ -140,6 +146,8 @@ def sum_interpolated(  # type: ignore[no-untyped-def]
     distance, floor. ``factors`` likelihoods are multiplied before a logarithm is taken. Scratch: ``block`` (12, 256),
     ``cells`` (4, 256).
     """
+    if levels.size == 0 or not _holds(min(codes.size, _MOST_CELLS), height, width):
+        return  # there is no map
     wide, high = np.int32(width), np.int32(height)
     end_x, end_y = ends[: ends.size // 2], ends[ends.size // 2 :]
     marked = False
@@ -149,9 +157,9 @@ def sum_interpolated(  # type: ignore[no-untyped-def]
         size, total, result = min(_BLOCK, poses.shape[0] - start), out[start : start + _BLOCK], block[11]
         _place(poses[start : start + size], origin_x, origin_y, cos, sin, yaw, resolution, shift, block)
         clearance = _clearance(block[0, :size], block[1, :size], block[2], block[3], width, height)
-        for first in range(0, end_x.size, factors):
+        for first in range(0, end_x.size, max(factors, 1)):
             result[:] = 0.0 if cubes else 1.0
-            for b in range(first, min(first + factors, end_x.size)):
+            for b in range(first, min(first + max(factors, 1), end_x.size)):
                 clear = math.hypot(end_x[b], end_y[b]) + 1.0 < clearance
                 _distances(codes, levels, block, size, end_x[b], end_y[b], wide, high, clear, cells)
                 if clear and not (marked or cubes):

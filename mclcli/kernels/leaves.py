@@ -10,8 +10,10 @@ from __future__ import annotations
 import math
 
 import numba as nb
+import numpy as np
 
 from mclcli.kernels import OPTIONS
+from mclcli.kernels._bounds import _FAR, _extremes, _is_level, _reaches, _whole
 from mclcli.kernels._vectors import SIDE, add_blocks
 
 _FURTHER = 6.0  # tempered nats by which blocks are followed beyond what is sought
@@ -33,12 +35,16 @@ def _spread_signature(code: nb.types.Type) -> object:
 def spread(codes, cost, low, left, plane):  # type: ignore[no-untyped-def]
     """Fill ``plane`` (H, W): entry (r, c) has the cost of cell (low + r, left + c), off the map the last cost."""
     height, width = codes.shape
-    off = cost[cost.size - 1]
+    last = nb.int64(cost.size - 1)
+    if last < 0 or not (-_FAR < low < _FAR and -_FAR < left < _FAR):
+        return
+    off = cost[last]
     for row in range(plane.shape[0]):
         y = row + low
         for column in range(plane.shape[1]):
             x = left + column
-            plane[row, column] = cost[codes[y, x]] if (y >= 0) & (y < height) & (x >= 0) & (x < width) else off
+            inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+            plane[row, column] = cost[min(nb.int64(codes[y, x]), last)] if inside else off
 
 
 @nb.njit(**OPTIONS)
@@ -56,7 +62,7 @@ def _cost_block(cells, starts, at, stride, stop, sums):  # type: ignore[no-untyp
 @nb.njit(**OPTIONS)
 def _affordable(perfect, step, value):  # type: ignore[no-untyped-def]
     """The highest cost whose bound is not below ``value``, as ``CostTables.within``."""
-    return math.floor(min(max((perfect - value) / step, -1.0), 65535.0))
+    return _whole(np.floor((perfect - value) / step), -1.0, 65535.0)
 
 
 @nb.njit(**OPTIONS)
@@ -85,10 +91,12 @@ def _bound(pool, shape, ends, row, column, table):  # type: ignore[no-untyped-de
 def _value(codes, ends, row, column, log_p):  # type: ignore[no-untyped-def]
     """Value of a pose: the sum over beams, in their order, of what the cell has that each ends in."""
     height, width = codes.shape
-    total, off = 0.0, log_p[log_p.size - 1]
+    last = nb.int64(log_p.size - 1)
+    total, off = 0.0, log_p[last]
     for i in range(ends.shape[0]):
         y, x = row + ends[i, 0], column + ends[i, 1]
-        total += log_p[codes[y, x]] if (y >= 0) & (y < height) & (x >= 0) & (x < width) else off
+        inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
+        total += log_p[min(nb.int64(codes[y, x]), last)] if inside else off
     return total
 
 
@@ -113,7 +121,7 @@ def _take(key, value, slack, alpha, keys, values, whole, real):  # type: ignore[
         if value > real[0] or (value == real[0] and key < whole[0]):
             real[0], whole[0] = value, key
     elif value >= real[0] - slack:
-        if whole[1] == keys.size:
+        if not 0 <= whole[1] < min(keys.size, values.size):
             return False
         keys[whole[1]], values[whole[1]] = key, value
         whole[1] += 1
@@ -146,14 +154,23 @@ def look(  # type: ignore[no-untyped-def]
     a lesser key are left out. ``counts`` (H, W) are 1 where the base may be; ``sums`` (64,) is scratch.
     """
     height, width = codes.shape
+    if log_p.size == 0 or counts.shape != codes.shape or table.size < 256:
+        return
+    if not (0 <= stride <= cells.size and _is_level(shape, pool.size)):
+        return
     limit = _affordable(perfect, step, real[0] - slack - law[4])
     # Blocks that cost more than this throughout weigh as if they cost no more.
-    stop = limit + math.floor(min(_FURTHER / (alpha * step), 65535.0)) if alpha > 0.0 else limit
-    most = weights[min(stop, weights.size - 1)] if alpha > 0.0 else 0.0
-    mass = 0.0
+    stop = limit + _whole(np.floor(_FURTHER / (alpha * step)), 0.0, 65535.0) if alpha > 0.0 else limit
+    most = weights[max(min(stop, weights.size - 1), 0)] if alpha > 0.0 and weights.size > 0 else 0.0
+    mass, angle_count = 0.0, min(ends.shape[0], starts.shape[0], angles.size)
+    low, high = _extremes(starts)
     for n in range(nodes.shape[0]):
-        t, top, left = nodes[n, 0], SIDE * nodes[n, 1], SIDE * nodes[n, 2]
+        t, top, left = nodes[n, 0], SIDE * nb.int64(nodes[n, 1]), SIDE * nb.int64(nodes[n, 2])
         rows, columns = min(SIDE, height - top), min(SIDE, width - left)
+        if not (0 <= t < angle_count and top >= 0 and rows > 0 and left >= 0 and columns > 0):
+            continue
+        if not _reaches(cells.size, top * stride + left, low, high, (SIDE - 1) * stride + SIDE):
+            continue
         if alpha == 0.0:
             if costs[n] > limit:
                 break

@@ -11,9 +11,11 @@ import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
-from mclcli.kernels._cells import _clearance, _longest, _place
+from mclcli.kernels._bounds import _holds
+from mclcli.kernels._cells import _clearance, _place, _stay_within
 
 _BLOCK = 256  # particles whose sums stay in the first-level cache while all beams pass over them
+_MOST_CELLS = 2**31 - 1  # whose numbers have 32 bits
 _TABLE = nb.types.Array(nb.float64, 1, "C", readonly=True)
 
 
@@ -66,7 +68,11 @@ def sum_log_p(  # type: ignore[no-untyped-def]
     the cells lie (see ``endpoints.Anchoring.frame``); ``poses`` (N, 3) in map; ``ends`` (2·B,) [cells]: x of all
     endpoints from the base, then y. Scratch: ``block`` (5, 256), ``cells`` (4, 256).
     """
-    off_map, wide = log_p[log_p.size - 1], np.int32(width)
+    if log_p.size == 0:
+        return
+    if not _holds(min(codes.size, _MOST_CELLS), height, width):
+        height = width = 0  # everything is off the map
+    last, wide = nb.uint32(min(log_p.size, _MOST_CELLS) - 1), np.int32(width)
     end_x, end_y = ends[: ends.size // 2], ends[ends.size // 2 :]
     first, second, third, fourth = cells[0], cells[1], cells[2], cells[3]
     for start in range(0, poses.shape[0], _BLOCK):
@@ -76,18 +82,19 @@ def sum_log_p(  # type: ignore[no-untyped-def]
         b = 0
         while b < end_x.size:
             four_x, four_y = end_x[b : b + 4], end_y[b : b + 4]
-            if four_x.size == 4 and _longest(four_x, four_y) < clearance:
+            if four_x.size == 4 and _stay_within(four_x, four_y, clearance):
                 _cells_on_map(block, size, four_x, four_y, wide, cells)
                 for i in range(size):
-                    value = total[i] + log_p[codes[nb.uint32(first[i])]]
-                    value += log_p[codes[nb.uint32(second[i])]]
-                    value += log_p[codes[nb.uint32(third[i])]]
-                    total[i] = value + log_p[codes[nb.uint32(fourth[i])]]
+                    value = total[i] + log_p[min(nb.uint32(codes[nb.uint32(first[i])]), last)]
+                    value += log_p[min(nb.uint32(codes[nb.uint32(second[i])]), last)]
+                    value += log_p[min(nb.uint32(codes[nb.uint32(third[i])]), last)]
+                    total[i] = value + log_p[min(nb.uint32(codes[nb.uint32(fourth[i])]), last)]
                 b += 4
             else:
                 _cells(block, size, end_x[b], end_y[b], wide, height, first)
                 for i in range(size):
-                    total[i] += log_p[codes[first[i]]] if first[i] >= 0 else off_map
+                    code = nb.uint32(codes[nb.uint32(first[i])]) if first[i] >= 0 else last
+                    total[i] += log_p[min(code, last)]
                 b += 1
 
 
@@ -96,6 +103,8 @@ def look_up(  # type: ignore[no-untyped-def]
     codes, height, width, off_map, origin_x, origin_y, cos, sin, yaw, resolution, shift, poses, ends, out, block, cells
 ):
     """Fill ``out`` (B, N) with the code of the cell where each beam ends, ``off_map`` off the map; as ``sum_log_p``."""
+    if not _holds(min(codes.size, _MOST_CELLS), height, width):
+        height = width = 0
     wide = np.int32(width)
     end_x, end_y = ends[: ends.size // 2], ends[ends.size // 2 :]
     for start in range(0, poses.shape[0], _BLOCK):
@@ -105,7 +114,7 @@ def look_up(  # type: ignore[no-untyped-def]
         b = 0
         while b < end_x.size:
             four_x, four_y = end_x[b : b + 4], end_y[b : b + 4]
-            if four_x.size == 4 and _longest(four_x, four_y) < clearance:
+            if four_x.size == 4 and _stay_within(four_x, four_y, clearance):
                 _cells_on_map(block, size, four_x, four_y, wide, cells)
                 for k in range(4):
                     found, row = cells[k], out[b + k, start : start + size]
@@ -116,14 +125,32 @@ def look_up(  # type: ignore[no-untyped-def]
                 found, row = cells[0], out[b, start : start + size]
                 _cells(block, size, end_x[b], end_y[b], wide, height, found)
                 for i in range(size):
-                    row[i] = codes[found[i]] if found[i] >= 0 else off_map
+                    row[i] = codes[nb.uint32(found[i])] if found[i] >= 0 else off_map
                 b += 1
+
+
+@nb.njit(**OPTIONS)
+def _cut_off(codes, last):  # type: ignore[no-untyped-def]
+    """Replace codes beyond ``last`` by it; whether there are any is found in vectors, so that no look-up need test."""
+    most = codes[0]
+    for i in range(codes.size):
+        most = max(most, codes[i])
+    if most > last:
+        for i in range(codes.size):
+            codes[i] = min(codes[i], last)
 
 
 @nb.njit([nb.void(code[:, ::1], _TABLE, nb.float64[::1]) for code in (nb.uint16, nb.uint32)], **OPTIONS)
 def sum_looked_up(found, log_p, out):  # type: ignore[no-untyped-def]
-    """Add to ``out`` (N,) the sum over beams of ``log_p[found[beam, particle]]``, beams in their order."""
+    """Add to ``out`` (N,) the sum over beams of ``log_p[found[beam, particle]]``, beams in their order.
+
+    Codes beyond the last of ``log_p`` become it.
+    """
     count, n = found.shape
+    if log_p.size == 0 or n == 0:
+        return
+    for b in range(count):
+        _cut_off(found[b], nb.uint32(min(log_p.size, _MOST_CELLS) - 1))
     for start in range(0, n, _BLOCK):
         total = out[start : start + _BLOCK]
         b = 0

@@ -16,17 +16,19 @@ _POSES = nb.types.Array(nb.float64, 2, "C", readonly=True)
 _BINS = nb.types.Array(nb.int64, 2, "C", readonly=True)
 _NUMBERS = nb.types.Array(nb.int64, 1, "C", readonly=True)
 _BLOCK = 512
+_FAR = 2.0**62  # bins
+_NOWHERE = -(2**63)
 
 
 @nb.njit([nb.void(_ROW, _ROW, nb.int64[::1])], **OPTIONS)
 def ancestors(cumulative, pointers, out):  # type: ignore[no-untyped-def]
     """Index of the first entry of ``cumulative`` (N,) greater than each of the ascending ``pointers`` (n,), by merging.
 
-    The last entry is to be greater than all pointers.
+    Where none is greater, that of the last one.
     """
-    i = 0
+    i, last = 0, cumulative.size - 1
     for n in range(pointers.size):
-        while cumulative[i] <= pointers[n]:
+        while i < last and cumulative[i] <= pointers[n]:
             i += 1
         out[n] = i
 
@@ -51,17 +53,24 @@ def turn_move_turn(poses, normals, motion, std, out, scratch):  # type: ignore[n
             out[n, 2] = _wrap(heading[i] + turn)
 
 
+@nb.njit(**OPTIONS)
+def _bin(coordinate, side):  # type: ignore[no-untyped-def]
+    """Number of the bin; the least there is for what has none."""
+    number = np.floor(coordinate / side)
+    return np.int64(number) if abs(number) < _FAR else np.int64(_NOWHERE)
+
+
 @nb.njit([nb.void(_POSES, nb.float64, nb.float64, nb.int64, nb.int64[:, ::1])], **OPTIONS)
 def bins(poses, side, turn, yaw_bins, out):  # type: ignore[no-untyped-def]
     """Fill ``out`` (N, 3) with the bins of poses; with ``yaw_bins`` > 0 those of wrapped yaw, π taken for −π."""
     for n in range(poses.shape[0]):
-        out[n, 0] = np.int64(np.floor(poses[n, 0] / side))
-        out[n, 1] = np.int64(np.floor(poses[n, 1] / side))
+        out[n, 0] = _bin(poses[n, 0], side)
+        out[n, 1] = _bin(poses[n, 1], side)
         if yaw_bins > 0:
-            yaw = np.int64(np.floor(_wrap(poses[n, 2]) / turn))
+            yaw = _bin(_wrap(poses[n, 2]), turn)
             out[n, 2] = -(yaw_bins // 2) if 2 * yaw == yaw_bins else yaw
         else:
-            out[n, 2] = np.int64(np.floor(poses[n, 2] / turn))
+            out[n, 2] = _bin(poses[n, 2], turn)
 
 
 @nb.njit([nb.void(_BINS, nb.int64[::1])], **OPTIONS)
@@ -94,14 +103,36 @@ def _find(bins, first, table, x, y, yaw):  # type: ignore[no-untyped-def]
     return slot
 
 
+@nb.njit(**OPTIONS)
+def _is_power_of_two(size):  # type: ignore[no-untyped-def]
+    return size > 0 and size & (size - 1) == 0
+
+
+@nb.njit(**OPTIONS)
+def _can_be_looked_into(bins, first, table):  # type: ignore[no-untyped-def]
+    """Whether every number in the table is a bin's, every bin has a row, and there is a free place to end at."""
+    least, greatest = nb.int64(0), nb.int64(-1)
+    for slot in range(table.size):
+        least, greatest = min(least, table[slot]), max(greatest, table[slot])
+    if not (_is_power_of_two(table.size) and least < 0 and greatest < first.size):
+        return False
+    least, greatest = nb.int64(0), nb.int64(-1)
+    for k in range(first.size):
+        least, greatest = min(least, first[k]), max(greatest, first[k])
+    return least >= 0 and greatest < bins.shape[0]
+
+
 @nb.njit([nb.void(_BINS, nb.int64[::1], nb.int64[::1], nb.int64[::1], nb.int64[::1])], **OPTIONS)
 def number_bins(bins, number, first, count, table):  # type: ignore[no-untyped-def]
     """Number the distinct rows of ``bins`` (N, 3) as they first appear.
 
-    Fills ``number`` (N,), ``first`` (N,) up to ``count[0]``: the row where each appears first. ``table`` (2^k ≥ 2·N,)
-    is to hold −1 everywhere, and afterwards is what ``_find`` looks into.
+    Fills ``number`` (N,), ``first`` (N,) up to ``count[0]``: the row where each appears first; and ``table``
+    (2^k ≥ 2·N,), which ``_find`` looks into.
     """
-    found = 0
+    found, table[:] = 0, -1
+    count[0] = 0
+    if not _is_power_of_two(table.size) or table.size <= bins.shape[0] or first.size < bins.shape[0]:
+        return
     for n in range(bins.shape[0]):
         slot = _find(bins, first, table, bins[n, 0], bins[n, 1], bins[n, 2])
         if table[slot] < 0:
@@ -130,6 +161,8 @@ def join_neighbours(bins, first, table, yaw_bins, root):  # type: ignore[no-unty
     """
     for bin_ in range(root.size):
         root[bin_] = bin_
+    if root.size > first.size or not _can_be_looked_into(bins, first, table):
+        return
     for bin_ in range(root.size):
         n = first[bin_]
         for k in range(14, 27):  # the half of them that comes after the bin itself; it is the others' other half
@@ -137,7 +170,7 @@ def join_neighbours(bins, first, table, yaw_bins, root):  # type: ignore[no-unty
             if yaw_bins > 0 and not -yaw_bins <= 2 * yaw < yaw_bins:
                 yaw += yaw_bins if yaw < 0 else -yaw_bins
             other = table[_find(bins, first, table, x, y, yaw)]
-            if other >= 0:
+            if 0 <= other < root.size:
                 one, other = _root(root, bin_), _root(root, other)
                 root[max(one, other)] = min(one, other)
     for bin_ in range(root.size):
@@ -155,6 +188,8 @@ def mean_sums_by_label(poses, labels, share, sums, scratch):  # type: ignore[no-
         _cos_sin(yaw, cos, sin)
         for i in range(size):
             n = start + i
+            if not 0 <= labels[n] < sums.shape[0]:
+                continue
             w, to = share[n], sums[labels[n]]
             to[0] += w * poses[n, 0]
             to[1] += w * poses[n, 1]
@@ -165,7 +200,10 @@ def mean_sums_by_label(poses, labels, share, sums, scratch):  # type: ignore[no-
 @nb.njit([nb.void(_POSES, _NUMBERS, _ROW, _POSES, nb.float64[:, :, ::1])], **OPTIONS)
 def covariance_sums_by_label(poses, labels, share, means, sums):  # type: ignore[no-untyped-def]
     """Add to the lower triangles of ``sums`` (C, 3, 3) each label's Σ share r rᵀ of r from ``means`` (C, 3)."""
+    count = min(sums.shape[0], means.shape[0])
     for n in range(poses.shape[0]):
+        if not 0 <= labels[n] < count:
+            continue
         to, mean = sums[labels[n]], means[labels[n]]
         x, y, t = poses[n, 0] - mean[0], poses[n, 1] - mean[1], _wrap(poses[n, 2] - mean[2])
         wx, wy, wt = share[n] * x, share[n] * y, share[n] * t

@@ -12,8 +12,11 @@ import math
 import numba as nb
 
 from mclcli.kernels import OPTIONS
+from mclcli.kernels._bounds import _within
 
 _FAR = 255  # the largest side a table of squares can hold
+_LONGEST = 2.0  # a component of a direction, far enough from what rounding makes of 1
+_BEYOND = 4e9  # cells: no line is longer
 
 
 def _signature(cells: nb.types.Type, dimensions: int, *options: nb.types.Type) -> object:
@@ -76,13 +79,16 @@ def exact(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
         for b in range(rays.shape[0]):
             x, y = base_x + (c * rays[b, 0] - s * rays[b, 1]), base_y + (s * rays[b, 0] + c * rays[b, 1])
             dx, dy = _clean(c * rays[b, 2] - s * rays[b, 3], 1e-100), _clean(s * rays[b, 2] + c * rays[b, 3], 1e-100)
+            if not (abs(dx) <= _LONGEST and abs(dy) <= _LONGEST):
+                out[n, b] = math.nan
+                continue
             skipped = 0.0
             if not (1.0 <= x < width + 1.0 and 1.0 <= y < height + 1.0):
                 skipped = _first_on_map(x, y, dx, dy, width, height)
                 if not skipped < limit:
                     out[n, b] = limit if skipped >= limit else math.nan
                     continue
-                x, y = min(max(x + skipped * dx, 1.0), width + 1.0), min(max(y + skipped * dy, 1.0), height + 1.0)
+                x, y = _within(x + skipped * dx, 1.0, width + 1.0), _within(y + skipped * dy, 1.0, height + 1.0)
             right, up = dx >= 0.0, dy >= 0.0
             inverse_x, inverse_y = 1.0 / dx if dx != 0.0 else math.inf, 1.0 / dy if dy != 0.0 else math.inf
             table = squares[(1 if right else 0) + (2 if up else 0)]
@@ -110,6 +116,8 @@ def exact(squares, poses, rays, limit, out):  # type: ignore[no-untyped-def]
                     if on_map and table[inside_y, beyond_x] == 0 and table[beyond_y, inside_x] == 0:
                         break
                     column, row = beyond_x, beyond_y
+                if not (0 <= column <= width + 1 and 0 <= row <= height + 1):
+                    break
                 side = nb.int64(table[row, column])
             left_map = side == 0 and not (1 <= column <= width and 1 <= row <= height)
             out[n, b] = limit if left_map else min(skipped + r, limit)
@@ -136,7 +144,8 @@ def bresenham(blocked, poses, rays, limit, nav2, out):  # type: ignore[no-untype
                 out[n, b] = off_map if math.isfinite(x) and math.isfinite(y) else math.nan
                 continue
             column, row = nb.int64(x), nb.int64(y)
-            along_x, along_y = nb.int64(math.floor(x + reach * dx)) - column, nb.int64(math.floor(y + reach * dy)) - row
+            along_x = nb.int64(math.floor(_within(x + reach * dx, -_BEYOND, _BEYOND))) - column
+            along_y = nb.int64(math.floor(_within(y + reach * dy, -_BEYOND, _BEYOND))) - row
             right, up = 1 if along_x > 0 else -1, 1 if along_y > 0 else -1
             along_x, along_y = abs(along_x), abs(along_y)
             steep = along_y > along_x

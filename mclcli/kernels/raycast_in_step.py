@@ -12,6 +12,7 @@ import numba as nb
 import numpy as np
 
 from mclcli.kernels import OPTIONS
+from mclcli.kernels._bounds import _holds, _within
 from mclcli.kernels.raycast import _first_on_map
 
 _BEYOND = 1 / 256  # how far beyond an open square to look; see world/raycast.py
@@ -48,8 +49,8 @@ def _enter(lanes, size, limit, width, height):  # type: ignore[no-untyped-def]
             skipped = _first_on_map(x, y, dx, dy, width, height)
             enters = skipped < limit
             lanes[_SKIPPED + i] = skipped if enters else 0.0
-            lanes[_X + i] = min(max(x + skipped * dx, 1.0), (width + 1.0) * _BELOW_1) if enters else 0.0
-            lanes[_Y + i] = min(max(y + skipped * dy, 1.0), (height + 1.0) * _BELOW_1) if enters else 0.0
+            lanes[_X + i] = _within(x + skipped * dx, 1.0, (width + 1.0) * _BELOW_1) if enters else 0.0
+            lanes[_Y + i] = _within(y + skipped * dy, 1.0, (height + 1.0) * _BELOW_1) if enters else 0.0
 
 
 @nb.njit(**OPTIONS)
@@ -62,8 +63,8 @@ def _begin(lanes, size, limit, width, height):  # type: ignore[no-untyped-def]
         cells = (width + 2.0) * (height + 2.0)
         table = (cells if dx >= 0.0 else 0.0) + (2.0 * cells if dy >= 0.0 else 0.0)
         lanes[_LOOKED + i], lanes[_COLUMN + i], lanes[_ROW + i], lanes[_INDEX + i] = 0.0, column, row, i
-        lanes[_CELL + i] = table + row * (width + 2.0) + column
         on_map = (column >= 1.0) & (column <= width) & (row >= 1.0) & (row <= height)
+        lanes[_CELL + i] = table + row * (width + 2.0) + column if on_map else 0.0
         lanes[_RESULT + i] = lanes[_SKIPPED + i] if on_map else limit
 
 
@@ -95,12 +96,12 @@ def _step(lanes, size, limit, width, height):  # type: ignore[no-untyped-def]
         goes_on = walks & (in_all < limit)
         looked = r + _BEYOND if goes_on else looked
         column, row = np.floor(x + looked * dx), np.floor(y + looked * dy)
-        turns = goes_on & (column == beyond_x) & (row == beyond_y)
         on_map = (column >= 1.0) & (column <= width) & (row >= 1.0) & (row <= height)
+        turns = goes_on & on_map & (column == beyond_x) & (row == beyond_y)
         result = in_all if on_map & (in_all < limit) else limit
         table = (cells if right else 0.0) + (2.0 * cells if up else 0.0)
         lanes[_LOOKED + i], lanes[_COLUMN + i], lanes[_ROW + i] = looked, column, row
-        lanes[_CELL + i] = table + row * pitch + column if goes_on else 0.0
+        lanes[_CELL + i] = table + row * pitch + column if goes_on & on_map else 0.0
         lanes[_RESULT + i] = result if walks else lanes[_RESULT + i]
         lanes[_TURNS + i] = 1.0 if turns else 0.0
         corners += turns
@@ -172,6 +173,10 @@ def approximate(flat, height, width, poses, rays, limit, out, lanes, results):  
     ``results`` (129,).
     """
     count = rays.shape[1]
+    if not (0 < height < flat.size and 0 < width < flat.size and _holds(flat.size // 4, height + 2, width + 2)):
+        return
+    if flat[0] != 0:
+        return  # where nothing is on the map, rays would not arrive
     for begin in range(0, poses.shape[0] * count, _LANES):
         size, outside, at = min(_LANES, poses.shape[0] * count - begin), 0, 0
         while at < size:

@@ -89,6 +89,8 @@ def near(along_columns, limit, out, line):  # type: ignore[no-untyped-def]
     """
     height, width = out.shape
     reach = (line.size - width - 6) // 2
+    if reach < 0:
+        return
     line[:] = limit
     for row in range(height):
         inner = line[reach + 3 : reach + 3 + width]

@@ -13,6 +13,7 @@ from __future__ import annotations
 import numba as nb
 
 from mclcli.kernels import OPTIONS
+from mclcli.kernels._bounds import _FAR, _extremes, _is_level, _reaches
 from mclcli.kernels._vectors import LANES, add_rows
 
 _LOOK = 8  # beams between two looks at whether any node of a row can still count
@@ -35,6 +36,8 @@ def deal(pool, shape, cost, low, left, plane):  # type: ignore[no-untyped-def]
     ``shape`` (5,) says where the level lies in ``pool`` (see ``mclcli.world.pyramid``); ``cost`` (256,) is by bin.
     """
     start, height, width, margin = shape[0], shape[1], shape[2], shape[4]
+    if cost.size < 256 or not (-_FAR < low < _FAR and -_FAR < left < _FAR and _is_level(shape, pool.size)):
+        return
     for row in range(plane.shape[1]):
         y = row + low + margin
         inside = (y >= 0) & (y < height)
@@ -45,8 +48,10 @@ def deal(pool, shape, cost, low, left, plane):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(**OPTIONS)
-def _bound_row(cells, starts, at, stop, sums):  # type: ignore[no-untyped-def]
+def _bound_row(cells, starts, at, stop, extremes, sums):  # type: ignore[no-untyped-def]
     """Costs of 32 nodes into ``sums``; False, and no further, once all of them are above ``stop``."""
+    if not _reaches(cells.size, at, extremes[0], extremes[1], LANES):
+        return False
     for lane in range(LANES):
         sums[lane] = 0
     beams = starts.size
@@ -110,7 +115,12 @@ def sweep(  # type: ignore[no-untyped-def]
     ``out`` is full it says where to go on; at the end the row is past the last. ``above`` and ``sums`` (32,) are
     scratch.
     """
-    room = out.shape[0] - _SIDE * _SIDE * 4 * LANES
+    room = min(out.shape[0], costs.size) - _SIDE * _SIDE * 4 * LANES
+    coarse_extremes, fine_extremes = _extremes(coarse_starts), _extremes(fine_starts)
+    if min(state[0], state[1], state[2], state[3]) < 0 or state[1] > coarse_counts.shape[1]:
+        return
+    if not (0 <= coarse_width <= coarse.size and 0 <= fine_width <= fine.size):
+        return
     while state[0] < coarse_counts.shape[0]:
         row, column = state[0], state[1]
         if not _any_place(coarse_counts, row, column):
@@ -120,7 +130,8 @@ def sweep(  # type: ignore[no-untyped-def]
                 return
             group = state[2]
             state[2] += 1
-            if not _bound_row(coarse, coarse_starts[group], 8 * row * coarse_width + column, stop, above):
+            at = 8 * row * coarse_width + column
+            if not _bound_row(coarse, coarse_starts[group], at, stop, coarse_extremes, above):
                 continue
             for quarter in range(4):
                 first = _SIDE * column + quarter * LANES
@@ -130,7 +141,8 @@ def sweep(  # type: ignore[no-untyped-def]
                     if not _any_place(fine_counts, y, first):
                         continue
                     for angle in range(_SIDE * group, min(_SIDE * group + _SIDE, fine_starts.shape[0])):
-                        if _bound_row(fine, fine_starts[angle], 8 * y * fine_width + first, stop, sums):
+                        at = 8 * y * fine_width + first
+                        if _bound_row(fine, fine_starts[angle], at, stop, fine_extremes, sums):
                             _take_row(sums, fine_counts, y, first, angle, limit, weights, out, costs, state, mass)
         state[2] = 0
         state[1] = column + LANES

@@ -17,6 +17,7 @@ from mclcli.kernels import OPTIONS
 _BYTES = nb.types.Array(nb.uint8, 1, "C", readonly=True)
 _ROWS = nb.types.Array(nb.float64, 2, "C", readonly=True)
 _DOT, _COMMA, _MINUS, _ZERO, _LINE, _E = 46, 44, 45, 48, 10, 101
+_ROOM = 32  # bytes that no number with its comma fills
 _LEAST = 1e-280  # below, products would lose bits
 
 
@@ -135,11 +136,13 @@ def put_rows(rows, first, prefix, out, done):  # type: ignore[no-untyped-def]
     """Write ``rows`` (n, C): each as prefix, its number from ``first`` on, C − 1 fixed numbers and a general one.
 
     ``out`` is to have room for 32 bytes a number, and for the prefixes. ``done`` (2,): how many rows were written
-    before one that cannot be, and where they end.
+    before one that cannot be, or for which there is no room, and where they end.
     """
-    at = 0
+    at, longest = 0, prefix.size + _ROOM * (rows.shape[1] + 1)
     for n in range(rows.shape[0]):
         done[0], done[1] = n, at
+        if out.size - at < longest:
+            return
         for k in range(prefix.size):
             out[at + k] = prefix[k]
         at = _put_whole(first + n, 1, out, at + prefix.size)

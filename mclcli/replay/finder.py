@@ -70,8 +70,8 @@ class GlobalSearch:
     def find(self, observations: Sequence[Observation], k: int) -> Location | None:
         """The k most probable places of the base at the last observation; None if it can be nowhere, or saw nothing."""
         view = self.view(observations)
-        if view is None:
-            return None
+        if view is None or not (_sees(view.beams) or any(b.angles.size for b in view.bearings)):
+            return None  # every place would be as good, and all of them be looked at
         return locating.locate(self.scene, view, self.settings.search, k, self._temper)
 
     def view(self, observations: Sequence[Observation]) -> View | None:
@@ -91,10 +91,11 @@ class GlobalSearch:
         )
 
     def _selection(self, scans: int) -> BeamSelection:
-        """Beams of each of so many scans."""
-        p = self.settings.search
+        """Beams of each of so many scans; what saw nothing is left out, whatever the lidar's own model makes of it."""
+        p, chosen = self.settings.search, self.settings.beams
         each = p.locate_beams if scans == 1 else min(p.locate_beams, max(2, p.window_beams // scans))
-        return dataclasses.replace(self.settings.beams, max_beams=each)
+        max_range = "skip" if chosen.max_range == "as_read" else chosen.max_range
+        return dataclasses.replace(chosen, max_beams=each, max_range=max_range)
 
     def _chosen(self, scans: list[Observation]) -> list[Observation]:
         """Scans of every lidar, spread along the way, in order of time."""
@@ -127,6 +128,11 @@ class GlobalSearch:
         white = np.zeros_like(found.covariances)
         white[0] = _WHITE
         return dataclasses.replace(found, covariances=found.covariances + white).alpha
+
+
+def _sees(beams: Beams) -> bool:
+    """Whether any beam has a return."""
+    return bool((beams.ranges < beams.r_max).any())
 
 
 def _joined(scans: Sequence[Observation], now: FloatArray, selection: BeamSelection) -> Beams:

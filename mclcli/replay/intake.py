@@ -71,7 +71,7 @@ class Setup:
 
     def until_ns(self, reading: Reading) -> int:
         """Stamp of the last thing that is scored of a reading: with ``deskew`` of a scan's last beam."""
-        if not self.deskew or not isinstance(reading, LaserScan):
+        if not self.deskew or not isinstance(reading, LaserScan) or not sweeps_briefly(reading):
             return reading.stamp_ns
         return reading.stamp_ns + max(0, round((reading.ranges.size - 1) * reading.time_increment * 1e9))
 
@@ -294,6 +294,8 @@ class Intake:
         mount = self._mount(record)
         if mount is None:
             return f"no transform from '{self._setup.base_frame}' to '{record.frame_id}' at its stamp"
+        if self._setup.deskew and isinstance(record, LaserScan) and not sweeps_briefly(record):
+            return f"scan with time_increment {record.time_increment:g}"
         problem = self._setup.instruments[item.topic].problem(record)
         return problem or Observation(item.topic, record, self.path.at(item.stamp_ns), mount)
 
@@ -314,5 +316,11 @@ class Intake:
         return ""
 
 
+def sweeps_briefly(scan: LaserScan) -> bool:
+    """Whether a scan's beams are less than a minute apart: a ``time_increment`` that says otherwise is damage."""
+    return abs(scan.ranges.size * scan.time_increment) < _LONGEST_SWEEP
+
+
+_LONGEST_SWEEP = 60.0  # s
 _READINGS = (LaserScan, LandmarkSightings)  # told once: a union written where it is asked for is made every time
 _TOO_OLD = "stamp older than readings already used"

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli.errors import InputError
 from mclcli.geometry import se2
 from mclcli.world.pyramid import COARSE, angles_in
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
     from mclcli.arrays import BoolArray, FloatArray, IntArray
 
+_MOST_ENDS = 2**26  # endpoints of all beams at all angles, eight bytes each and as much again while they are made
 _COARSEST = math.radians(2.0)  # of scans that reach hardly anywhere
 
 
@@ -103,8 +105,19 @@ def build(endpoints: FloatArray, places: Places, about: tuple[float, float] = (0
     """Lattice for endpoints (B, 2) [cells] in the base frame.
 
     ``about`` is an angle [rad] in the field's frame and how far from it angles may be.
+
+    Raises
+    ------
+    InputError
+        If beams end so far away that their endpoints at all angles would fill the memory.
+
     """
     reach = float(np.hypot(endpoints[:, 0], endpoints[:, 1]).max(initial=0.0))
+    if reach * len(endpoints) > _MOST_ENDS / se2.TAU:
+        raise InputError(
+            f"{len(endpoints)} beams that end up to {reach:.3g} cells from the base are too many to be searched at "
+            "every angle: take coarser cells, a smaller --set laser_max_range=METRES or --set locate_beams=N"
+        )
     step = angle_step(reach)
     angles = np.arange(round(se2.TAU / step), dtype=np.float64) * step
     angles = angles[np.abs(se2.wrap(angles - about[0])) <= about[1]]

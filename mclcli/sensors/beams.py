@@ -11,6 +11,7 @@ import numpy as np
 
 from mclcli.errors import InputError, UsageError
 from mclcli.parameters import parameter, validate
+from mclcli.quantity import FARTHEST, MOST_TURNED
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -109,6 +110,11 @@ class Beams:
         """Endpoints (B, 2) [m] in the base frame."""
         return self.origins + self.ranges[:, np.newaxis] * self.directions
 
+    def with_return(self) -> Beams:
+        """The beams that end somewhere."""
+        ending = np.isfinite(self.ranges)
+        return self if ending.all() else self.subset(ending)
+
     def subset(self, kept: BoolArray) -> Beams:
         """The beams that ``kept`` (B,) marks."""
         indices = self.indices[kept] if self.indices.size else self.indices
@@ -121,8 +127,17 @@ class Beams:
         )
 
 
+def problem_of(scan: LaserScan) -> str:
+    """Why nothing is known of where a scan's beams point, empty if it is known."""
+    if not (math.isfinite(scan.angle_min) and math.isfinite(scan.angle_increment)):
+        return "scan with angles not finite"
+    last = scan.angle_min + (scan.ranges.size - 1) * scan.angle_increment
+    furthest = max(abs(scan.angle_min), abs(last))
+    return "" if furthest <= MOST_TURNED else f"scan with angles up to {furthest:g} rad"
+
+
 def maximum_range(scan: LaserScan, selection: BeamSelection) -> float:
-    """r_max [m]: the smaller of the scan's range_max and ``laser_max_range``, where set.
+    """r_max [m]: the smaller of the scan's range_max and ``laser_max_range``, where set; at most ``FARTHEST``.
 
     Raises
     ------
@@ -136,7 +151,7 @@ def maximum_range(scan: LaserScan, selection: BeamSelection) -> float:
             f"scan of frame '{scan.frame_id}': range_max is {scan.range_max:g} and laser_max_range is not set; "
             "give --set laser_max_range=METRES"
         )
-    return min(limits)
+    return min(*limits, FARTHEST)
 
 
 def select(
@@ -144,8 +159,20 @@ def select(
 ) -> Beams:
     """Beams of a scan to score, through the sensor's mount (4, 4) with its full 3-D rotation.
 
-    ``sweep`` says where the base was at each beam, seen from the base that the beams are wanted for.
+    ``sweep`` says where the base was at each beam, seen from the base that the beams are wanted for. Origins and
+    directions are finite and bounded, ranges as well, or +inf where nothing was seen and ``max_range=as_read``.
+
+    Raises
+    ------
+    InputError
+        If nothing is known of how far the lidar sees, where its beams point or where it sits.
+
     """
+    problem = problem_of(scan)
+    if not problem and not np.isfinite(base_from_sensor).all():
+        problem = "scan from a lidar whose place on the base is not finite"
+    if problem:
+        raise InputError(f"frame '{scan.frame_id}': {problem}; it cannot be scored")
     r_max = maximum_range(scan, selection)
     ranges = _prepared(scan, selection, r_max)
     valid = ~np.isnan(ranges)
@@ -174,10 +201,11 @@ def _swept(origins: FloatArray, directions: FloatArray, bases: FloatArray) -> tu
 
 def _from_base(beams: Beams) -> Beams:
     """Virtual beams from the base to where the real ones end, as Beluga's beam model takes them."""
-    ends = beams.endpoints
+    nothing = np.isinf(beams.ranges)
+    ends = replace(beams, ranges=np.where(nothing, FARTHEST, beams.ranges)).endpoints
     ranges = np.hypot(ends[:, 0], ends[:, 1])
     directions = ends / np.maximum(ranges, np.finfo(np.float64).tiny)[:, np.newaxis]
-    return replace(beams, origins=np.zeros_like(ends), directions=directions, ranges=ranges)
+    return replace(beams, origins=np.zeros_like(ends), directions=directions, ranges=np.where(nothing, np.inf, ranges))
 
 
 def _prepared(scan: LaserScan, selection: BeamSelection, r_max: float) -> FloatArray:
@@ -188,7 +216,8 @@ def _prepared(scan: LaserScan, selection: BeamSelection, r_max: float) -> FloatA
     if selection.max_range == "score":
         return np.clip(ranges, 0.0, r_max)
     if selection.max_range == "as_read":
-        return ranges
+        there = np.abs(ranges) <= FARTHEST
+        return ranges if there.all() else np.where(there, ranges, np.where(ranges > 0.0, np.inf, np.nan))
     minimum = _minimum_range(scan, selection)
     if selection.max_range == "no_return":
         return np.where(ranges > minimum, np.minimum(ranges, r_max), np.nan)

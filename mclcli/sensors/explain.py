@@ -42,7 +42,8 @@ class Explanation:
 
 
 def explain_field(model: LikelihoodField, beams: Beams, pose: FloatArray) -> list[Explanation]:
-    """Every beam of a likelihood field, at one pose (3,)."""
+    """Every beam of a likelihood field that ends somewhere, at one pose (3,)."""
+    beams = beams.with_return()
     distance = model.distances(beams, pose[np.newaxis])[0]
     p = model.likelihood(distance, beams.r_max)
     distance = np.minimum(distance, model.field.max_dist)

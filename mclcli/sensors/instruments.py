@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Protocol, final
 
 import numpy as np
 
+from mclcli.quantity import FARTHEST
 from mclcli.records import LandmarkSightings, LaserScan
 from mclcli.sensors import Measurement, beams, bearing
 
@@ -76,9 +77,7 @@ class Lidar:
             return "scan with range_min nan"
         if reading.ranges.size > 1 and not abs(reading.angle_increment) > 0.0:
             return f"scan with angle_increment {reading.angle_increment:g}"
-        if not (math.isfinite(reading.angle_min) and math.isfinite(reading.angle_increment)):
-            return "scan with angles not finite"
-        return ""
+        return beams.problem_of(reading)
 
     def measure(self, reading: Reading, base_from_sensor: FloatArray, sweep: Sweep | None = None) -> Measurement:
         """Measurement of a scan."""
@@ -101,7 +100,9 @@ class Camera:
         """Why sightings cannot be used."""
         if not isinstance(reading, LandmarkSightings):
             return "not a sighting of landmarks"
-        return "" if np.isfinite(reading.rays).all() else "sighting with a position that is not finite"
+        if (np.abs(reading.rays) <= FARTHEST).all():
+            return ""
+        return f"sighting with a position that is not finite, or beyond {FARTHEST:g} m"
 
     def measure(self, reading: Reading, base_from_sensor: FloatArray, sweep: Sweep | None = None) -> Measurement:
         """Measurement of the sightings in one image, made at one moment."""

@@ -116,7 +116,8 @@ class LikelihoodField:
     _tables: dict[float, FloatArray] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
     def measure(self, sensor: str, beams: Beams, alpha: Temperature = 1.0) -> Measurement:
-        """Measurement that scores poses against these beams."""
+        """Measurement that scores poses against these beams; those without an end are left out."""
+        beams = beams.with_return()
         table = self.table(beams.r_max)
         peak, floor = (float(term) * beams.ranges.size for term in (table[0], table.min()))
         if self._cubes:

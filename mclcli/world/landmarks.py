@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli.quantity import FARTHEST
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -21,7 +23,7 @@ class Landmarks:
     Raises
     ------
     ValueError
-        If an id repeats, or the positions are not L finite points.
+        If an id repeats, or the positions are not L points within bounds.
 
     """
 
@@ -31,8 +33,9 @@ class Landmarks:
 
     def __post_init__(self) -> None:
         positions = np.array(self.positions, dtype=np.float64)
-        if positions.shape != (len(self.ids), 3) or not np.isfinite(positions).all():
-            raise ValueError(f"positions: expected {len(self.ids)} finite points, got shape {positions.shape}")
+        if positions.shape != (len(self.ids), 3) or not (np.abs(positions) <= FARTHEST).all():
+            expected = f"{len(self.ids)} points within {FARTHEST:g} m"
+            raise ValueError(f"positions: expected {expected}, got shape {positions.shape}")
         index = {name: row for row, name in enumerate(self.ids)}
         if len(index) != len(self.ids):
             raise ValueError("ids: each landmark needs its own")

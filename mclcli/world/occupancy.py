@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
 
+from mclcli.quantity import FARTHEST, MOST_TURNED
+
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
@@ -17,6 +19,9 @@ if TYPE_CHECKING:
 FREE: Final = 0
 OCCUPIED: Final = 100
 UNKNOWN: Final = -1
+MIN_RESOLUTION, MAX_RESOLUTION = 1e-6, 1e6
+"""Metres per cell that are believed, the first one excluded: with ``FARTHEST``, no coordinate has more than 1e15
+cells."""
 
 
 @final
@@ -31,7 +36,7 @@ class OccupancyGrid:
     Raises
     ------
     ValueError
-        If the cells are not int8 in −1…100 with at least one cell, or the geometry is not finite and positive.
+        If the cells are not int8 in −1…100 with at least one cell, or the geometry is beyond its bounds.
 
     """
 
@@ -42,10 +47,12 @@ class OccupancyGrid:
 
     def __post_init__(self) -> None:
         origin = np.array(self.origin, dtype=np.float64)
-        if origin.shape != (3,) or not np.isfinite(origin).all():
-            raise ValueError(f"origin: expected three finite numbers x, y, yaw, got {origin.tolist()}")
-        if not (math.isfinite(self.resolution) and self.resolution > 0.0):
-            raise ValueError(f"resolution: expected a finite length above 0, got {self.resolution}")
+        if origin.shape != (3,) or not (np.abs(origin) <= [FARTHEST, FARTHEST, MOST_TURNED]).all():
+            expected = f"x and y within {FARTHEST:g} m, yaw within {MOST_TURNED:g} rad"
+            raise ValueError(f"origin: expected {expected}, got {origin.tolist()}")
+        if not MIN_RESOLUTION < self.resolution <= MAX_RESOLUTION:
+            expected = f"above {MIN_RESOLUTION:g} m, at most {MAX_RESOLUTION:g} m"
+            raise ValueError(f"resolution: expected a length {expected}, got {self.resolution}")
         origin.flags.writeable = False
         object.__setattr__(self, "cells", _checked(self.cells))
         object.__setattr__(self, "resolution", float(self.resolution))

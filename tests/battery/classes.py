@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tests.battery import bombs, caching, crafted, damaged, drives, interrupts, maps, naming, truncation, writing
+from tests.battery import (
+    bombs,
+    caching,
+    combinations,
+    crafted,
+    damaged,
+    drives,
+    interrupts,
+    maps,
+    naming,
+    truncation,
+    writing,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -18,6 +30,7 @@ CLASSES: dict[str, Callable[[int, float], list[Case]]] = {
     "bombs": bombs.cases,
     "maps": maps.cases,
     "scans and frames": drives.cases,
+    "combinations": combinations.cases,
     "failing writes": writing.cases,
     "interrupts": interrupts.cases,
     "cache": caching.cases,

@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Literal, cast, final
 
 from mclcli.errors import UsageError, nearest_name
 from mclcli.io.tables import safe_yaml
+from mclcli.quantity import FARTHEST, MOST_TURNED
 from mclcli.text import clean
+from mclcli.world.occupancy import MAX_RESOLUTION, MIN_RESOLUTION
 
 if TYPE_CHECKING:
     from mclcli.io.tables.safe_yaml import Document, Value
 
 Mode = Literal["trinary", "scale", "raw"]
 MODES: tuple[Mode, ...] = ("trinary", "scale", "raw")
-MIN_RESOLUTION, MAX_RESOLUTION = 1e-6, 1e6
-"""Metres per cell that are believed."""
-FARTHEST = 1e9
-"""Largest x or y of an origin [m]: beyond, float64 tells no centimetres apart, and far beyond squares overflow."""
-
 _KEYS = ("image", "resolution", "origin", "negate", "occupied_thresh", "free_thresh")
 _TRUTHS = {0: False, 1: True, "no": False, "off": False, "yes": True, "on": True}
 
@@ -116,6 +113,8 @@ def _origin(document: Document) -> tuple[float, float, float]:
     x, y, yaw = (_as_number(value, "origin", document) for value in values)
     if max(abs(x), abs(y)) > FARTHEST:
         raise wrong("origin", document, f"({x:g}, {y:g}) is more than {FARTHEST:g} m away")
+    if abs(yaw) > MOST_TURNED:
+        raise wrong("origin", document, f"yaw {yaw:g} is more than {MOST_TURNED:g} rad")
     return x, y, yaw
 
 

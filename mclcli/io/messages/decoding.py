@@ -16,6 +16,7 @@ from mclcli.geometry import se3
 from mclcli.io.messages import vision
 from mclcli.io.messages.conversion import Context, frame_name, read_only
 from mclcli.io.messages.parsing import Undecodable, parser_for, to_plain
+from mclcli.quantity import FARTHEST
 from mclcli.records import LaserScan, Odometry, StampedPose, Transform
 
 if TYPE_CHECKING:
@@ -37,7 +38,6 @@ _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 × 6 
 _LARGEST = 1e12  # variance above which a covariance says nothing
 _LONG = 4 << 20  # [bytes] no message has more that we decode; its fields become objects many times as large
 _LONGEST = {"nav_msgs/msg/OccupancyGrid": 65 << 20}  # 64 million cells
-_FARTHEST = 1e9  # [m] from a frame's origin: what is told to be farther is damage, and would overflow when squared
 
 
 def decode(message: RawMessage, tally: Tally | None = None) -> Record | Undecodable:
@@ -176,7 +176,7 @@ def _planar(pose: Parsed) -> FloatArray | None:
 
 def _is_rigid(translation: Sequence[float], quaternion: Sequence[float]) -> bool:
     # Both told before they are used: squares of wild numbers overflow. NaN fails either.
-    return abs(math.hypot(*quaternion) - 1.0) <= 1e-2 and math.hypot(*translation) <= _FARTHEST
+    return abs(math.hypot(*quaternion) - 1.0) <= 1e-2 and math.hypot(*translation) <= FARTHEST
 
 
 def _stamped(header: Parsed) -> bool:

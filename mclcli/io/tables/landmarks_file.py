@@ -10,7 +10,7 @@ import numpy as np
 from mclcli.errors import InputError, UsageError
 from mclcli.io.tables import csv_table, safe_yaml
 from mclcli.io.tables.text_file import read_bytes
-from mclcli.quantity import parse_quantity
+from mclcli.quantity import FARTHEST, parse_quantity
 from mclcli.records import LandmarkSightings
 from mclcli.text import clean
 from mclcli.world.landmarks import Landmarks
@@ -134,4 +134,6 @@ def _length(value: Value, key: str, name: str, line: int) -> float:
             raise InputError(f"{name}: {error}, line {line}; correct it") from None
     if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
         raise InputError(f"{name}: {key}: {clean(str(value), 40)} is not a finite number, line {line}; correct it")
+    if abs(value) > FARTHEST:
+        raise InputError(f"{name}: {key}: {value:g} is more than {FARTHEST:g} m away, line {line}; correct it")
     return float(value)

@@ -18,6 +18,7 @@ from mclcli.geometry import se3
 from mclcli.io.tables import safe_yaml
 from mclcli.io.tables.text_file import decode, read_bytes, refuse_stand_ins
 from mclcli.io.tables.yaml_text import to_yaml
+from mclcli.quantity import FARTHEST, MOST_TURNED
 from mclcli.records import LaserScan
 from mclcli.text import clean
 
@@ -134,6 +135,8 @@ class _Fields:
         if not isinstance(values, list) or len(values) != 6:
             raise self._wrong("expected six numbers [x, y, z, roll, pitch, yaw]", *path)
         x, y, z, roll, pitch, yaw = (self._finite(value, *path) for value in values)
+        if max(abs(x), abs(y), abs(z)) > FARTHEST or max(abs(roll), abs(pitch), abs(yaw)) > MOST_TURNED:
+            raise self._wrong(f"lies more than {FARTHEST:g} m away, or turns by more than {MOST_TURNED:g} rad", *path)
         return se3.from_rpy([x, y, z], roll, pitch, yaw), base_frame
 
     @property

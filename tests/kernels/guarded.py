@@ -1,0 +1,55 @@
+"""Arrays between pages that nobody may touch: a kernel that reads or writes beside them ends the process.
+
+An array lies flush against the page after it, or against the one before. What is left of its own pages holds a pattern,
+which a kernel must leave as it is. POSIX only.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import mmap
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, final
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+_PATTERN = 0xA5
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Guarded:
+    """A copy of an array between guard pages, ``pages`` being what may be touched."""
+
+    array: NDArray[Any]
+    pages: NDArray[np.uint8]
+    start: int
+
+    def is_intact(self) -> bool:
+        """Whether nothing was written beside the array on its own pages."""
+        before, after = self.pages[: self.start], self.pages[self.start + self.array.nbytes :]
+        return bool((before == _PATTERN).all() and (after == _PATTERN).all())
+
+
+def guard(array: NDArray[Any], *, at_end: bool) -> Guarded:
+    """Copy an array to where its end, or else its start, touches a page that cannot be read or written."""
+    size = -(-max(array.nbytes, 1) // mmap.PAGESIZE) * mmap.PAGESIZE
+    memory = mmap.mmap(-1, size + 2 * mmap.PAGESIZE)
+    whole = np.frombuffer(memory, np.uint8)
+    _forbid(whole.ctypes.data)
+    _forbid(whole.ctypes.data + mmap.PAGESIZE + size)
+    pages = whole[mmap.PAGESIZE : mmap.PAGESIZE + size]
+    pages[:] = _PATTERN
+    start = size - array.nbytes if at_end else 0
+    copy = pages[start : start + array.nbytes].view(array.dtype).reshape(array.shape)
+    copy[...] = array
+    return Guarded(copy, pages, start)
+
+
+def _forbid(address: int) -> None:
+    library = ctypes.CDLL(None, use_errno=True)
+    if library.mprotect(ctypes.c_void_p(address), ctypes.c_size_t(mmap.PAGESIZE), 0):
+        raise OSError(ctypes.get_errno(), "mprotect")
