@@ -49,12 +49,16 @@ class Channel:
 
 @final
 class RawMessage(NamedTuple):
-    """One message as recorded, not decoded; ``publish_ns`` where the container has it. A tuple: there are millions."""
+    """One message as recorded, not decoded; ``publish_ns`` and ``sequence`` where the container has them.
+
+    A tuple: there are millions.
+    """
 
     channel: Channel
     log_time_ns: int
     data: bytes
     publish_ns: int | None = None
+    sequence: int | None = None
 
 
 @final
@@ -75,6 +79,7 @@ class Damage:
 
     ``lossless`` damage (bytes after the end, a damaged summary) costs a warning but no data. ``messages`` is
     how many messages are known to be lost, None if unknown; ``first_ns``/``last_ns`` the span they covered, if known.
+    ``in_all``: a file's last word, with which the numbers add up, whatever earlier damages could not count.
     """
 
     source: str
@@ -84,10 +89,11 @@ class Damage:
     first_ns: int | None = None
     last_ns: int | None = None
     lossless: bool = False
+    in_all: bool = False
 
     def describe(self, origin_ns: int | None) -> str:
         """One line for the user, times in seconds after ``origin_ns`` (the log's first message)."""
-        if self.lossless:
+        if self.lossless or self.messages == 0:
             return f"{self.source}: {self.what}"
         span = ""
         if self.first_ns is not None and self.last_ns is not None:
@@ -112,7 +118,56 @@ class FileFacts:
     checksums: str
 
 
-Item = Channel | RawMessage | PassedOver | Damage | FileFacts
+@final
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """What an MCAP says of itself: its ``profile`` and the ``library`` that wrote it."""
+
+    profile: str
+    library: str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """A file that stands within a log; times in ns."""
+
+    name: str
+    media_type: str
+    log_time_ns: int
+    create_time_ns: int
+    data: bytes
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class MetadataRecord:
+    """Pairs of texts that a log holds under a name."""
+
+    name: str
+    pairs: tuple[tuple[str, str], ...]
+
+
+Beside = Heading | Attachment | MetadataRecord
+"""What a log holds beside its messages."""
+Item = Channel | RawMessage | PassedOver | Damage | FileFacts | Heading | Attachment | MetadataRecord
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a reader wants of a log: which channels (None: all), and whether what stands beside the messages.
+
+    ``guess`` makes a channel, of its number and one message, where nothing in the file describes it; None: it is lost.
+    """
+
+    channels: Callable[[Channel], bool] | None = None
+    beside: bool = False
+    guess: Callable[[int, bytes], Channel | None] | None = None
+
+
+EVERYTHING = Wish()
+"""All messages, and nothing beside them."""
 
 
 class Container(Protocol):
@@ -123,10 +178,10 @@ class Container(Protocol):
         """Base name of the file, for messages to the user."""
         ...
 
-    def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
+    def items(self, wish: Wish = EVERYTHING) -> Iterator[Item]:
         """Everything in file order, from the start; each channel before its first message, last what the file is.
 
-        Messages of channels that are not ``wanted`` come as ``PassedOver``: the very first at once (it may be the
+        Messages of channels that are not wished for come as ``PassedOver``: the very first at once (it may be the
         first message of the log), the others summed up when convenient.
         """
         ...

@@ -16,14 +16,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, final
 
-from mclcli.io.logs.base import Channel, FileFacts, Item, RawMessage, Recorded
+from mclcli.io.logs.base import EVERYTHING, Channel, FileFacts, Item, RawMessage, Recorded, Wish
 from mclcli.io.logs.channels import WatchedChannels
 from mclcli.io.logs.inflate import CHUNK_LIMIT
 from mclcli.io.logs.mcap_records import is_latched, ros2_name
 from mclcli.io.logs.report import Report
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
 _ROWS = 256  # messages fetched at a time
 _HOLES = 200  # damaged places that are walked around before giving up
@@ -40,7 +40,7 @@ class Db3File:
     source: str
     path: Path
 
-    def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
+    def items(self, wish: Wish = EVERYTHING) -> Iterator[Item]:
         """Channels, messages and damage in file order (see ``Container``)."""
         report = Report(self.source)
         missing = missing_bytes(self.path)
@@ -50,7 +50,7 @@ class Db3File:
         with _readable(self.path, missing) as (path, immutable):
             uri = f"{path.absolute().as_uri()}?{'immutable=1&' if immutable else ''}mode={'ro' if immutable else 'rw'}"
             with contextlib.closing(sqlite3.connect(uri, uri=True)) as database:
-                yield from _Pass(database, WatchedChannels(wanted), report).run()
+                yield from _Pass(database, WatchedChannels(wish), report).run()
         yield FileFacts(self.source, "rosbag2 database", not missing and not journals(self.path), "no")
 
 
@@ -81,7 +81,8 @@ class _Pass:
         yield from self.channels.report()
         if self.odd:
             yield self.report.lost(0, "rows without a topic, a time or data", self.odd)
-        yield from self.report.totals(0, self.rows_read, self.indexed(), 0)
+        if (declared := self.indexed()) is not None:
+            yield from self.report.totals(0, self.rows_read - self.odd, declared, "file counts")
 
     def indexed(self) -> int | None:
         """Messages that the index over their times counts, None where there is no such index."""

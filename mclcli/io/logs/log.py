@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError
-from mclcli.io.logs.base import Channel, Damage, FileFacts, PassedOver, RawMessage
+from mclcli.io.logs.base import Channel, Damage, FileFacts, PassedOver, RawMessage, Wish
 from mclcli.io.logs.merge import merge
 from mclcli.io.logs.reorder import reorder
 
@@ -53,14 +53,14 @@ class Log:
         Raises InputError at the first damage if ``strict``, when the file cannot be read at all, and when a stream is
         read a second time.
         """
-        wanted = None if wanted_topics is None else _in(wanted_topics)
+        wish = Wish(None if wanted_topics is None else _in(wanted_topics))
         intake = _Intake(tally, strict, announce)
         for damage in self.missing:
             intake.damage(damage)
         read = tally.read
         for message in merge(
             self.containers,
-            lambda container: reorder(intake.messages(container, wanted), intake.late),
+            lambda container: reorder(intake.messages(container, wish), intake.late),
             seekable=self.seekable,
         ):
             topic = message.channel.topic
@@ -96,11 +96,11 @@ class _Intake:
     told_late: bool = False
     channels: set[Channel] = field(default_factory=set)
 
-    def messages(self, container: Container, wanted: Callable[[Channel], bool] | None) -> Iterator[RawMessage]:
+    def messages(self, container: Container, wish: Wish) -> Iterator[RawMessage]:
         """Messages of one container."""
         tally = self.tally
         try:
-            for item in container.items(wanted):
+            for item in container.items(wish):
                 if isinstance(item, RawMessage):
                     tally.saw(item.log_time_ns, item.log_time_ns)
                     yield item
@@ -111,7 +111,7 @@ class _Intake:
                     self.damage(item)
                 elif isinstance(item, FileFacts):
                     tally.files.append(item)
-                elif item not in self.channels:
+                elif isinstance(item, Channel) and item not in self.channels:
                     self.channels.add(item)
                     tally.channels.append(item)
         except OSError as error:

@@ -81,7 +81,7 @@ class Diagnosis:
 
     def add(self, message: RawMessage) -> None:
         """Take one message in."""
-        channel, log_ns, data, _ = message
+        channel, log_ns, data = message[:3]
         topic = self.topics.get(channel.topic)
         if topic is None:
             topic = self.topics[channel.topic] = _Topic(*_layout(channel, data))

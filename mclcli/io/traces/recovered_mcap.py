@@ -50,7 +50,7 @@ class RecoveredMcap:
 
     def write(self, message: RawMessage) -> bool:
         """Append one message; False if its time cannot be written."""
-        channel, stamp_ns, data, publish_ns = message
+        channel, stamp_ns, data, publish_ns = message[:4]
         if stamp_ns < 0:
             return False
         if channel not in self.streams:
