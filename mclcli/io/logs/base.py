@@ -153,17 +153,25 @@ Beside = Heading | Attachment | MetadataRecord
 Item = Channel | RawMessage | PassedOver | Damage | FileFacts | Heading | Attachment | MetadataRecord
 
 
+class Guess(Protocol):
+    """Makes a channel, of its number in the file and one message, where nothing in the file describes it."""
+
+    def __call__(self, number: int, data: bytes) -> Channel | None:
+        """Channel of the message, None if nobody can tell: then it is lost."""
+        ...
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class Wish:
     """What a reader wants of a log: which channels (None: all), and whether what stands beside the messages.
 
-    ``guess`` makes a channel, of its number and one message, where nothing in the file describes it; None: it is lost.
+    ``guess`` is asked for channels that nothing in the file describes; without one their messages are lost.
     """
 
     channels: Callable[[Channel], bool] | None = None
     beside: bool = False
-    guess: Callable[[int, bytes], Channel | None] | None = None
+    guess: Guess | None = None
 
 
 EVERYTHING = Wish()
@@ -211,6 +219,16 @@ class Tally:
     def lossy(self) -> bool:
         """Whether messages were damaged, missing or undecodable (exit code 3)."""
         return self.undecodable > 0 or any(not damage.lossless for damage in self.damages)
+
+    def lost(self) -> tuple[int, bool]:
+        """Messages said to be lost, and whether an unknown number was lost as well.
+
+        A file's last word settles what its damages before could not count.
+        """
+        settled = {damage.source for damage in self.damages if damage.in_all}
+        losses = [damage for damage in self.damages if not damage.lossless]
+        unknown = any(damage.messages is None and damage.source not in settled for damage in losses)
+        return sum(damage.messages or 0 for damage in losses), unknown
 
     def saw(self, first_ns: int, last_ns: int) -> None:
         """Widen the span of the log."""

@@ -59,6 +59,10 @@ class Inventory:
         expected, missing, found = self.expected(), self.missing(), messages - channels.nameless
         if channels.nameless:
             yield report.nameless(at, channels)
+        if channels.guessed:
+            yield report.lost(
+                at, f"{channels.guessed} messages of channels that nothing describes: types are guessed", 0
+            )
         if missing:
             counts = [index.messages for index in missing]
             count = None if None in counts else sum(count or 0 for count in counts)
