@@ -1,4 +1,4 @@
-"""``mcl recover``: what stands beside the messages, messages compressed one by one, and those that nothing describes."""
+"""``mcl recover``: what stands beside the messages, messages compressed one by one, and those that none describes."""
 
 from __future__ import annotations
 
