@@ -40,10 +40,12 @@ class WatchedChannel:
 class WatchedChannels:
     """All channels of a file by their number in it; ``nameless`` counts messages whose channel nothing describes.
 
-    ``guessed`` counts those of them that are handed out all the same, ``renumbered`` says that a number came twice.
+    ``later``: what is not described may be so later, in a stream that is read once. ``guessed`` counts nameless
+    messages that are handed out all the same, ``renumbered`` says that a number came twice.
     """
 
     wish: Wish
+    later: bool = False
     by_number: dict[int, WatchedChannel] = field(default_factory=dict)
     retired: list[WatchedChannel] = field(default_factory=list)
     nameless: int = 0

@@ -28,12 +28,11 @@ class Nameless(NamedTuple):
     sequence: int | None
 
 
-def hold(items: Iterable[Item | Nameless], channels: WatchedChannels, *, later: bool) -> Iterator[Item]:
+def hold(items: Iterable[Item | Nameless], channels: WatchedChannels) -> Iterator[Item]:
     """The same items in the same order, each message with its channel.
 
-    With ``later`` (a stream, which is read once) everything from the first nameless message on is held until all
-    channels are described, or the items end, or 64 MiB are held. Without it (a file, all of which was searched for
-    descriptions) nothing is.
+    Everything from the first nameless message on is held until all channels are described, or the items end, or 64 MiB
+    are held. From then on nothing is.
     """
     held: list[Item | Nameless] = []
     size, missing = 0, set[int]()
@@ -48,9 +47,9 @@ def hold(items: Iterable[Item | Nameless], channels: WatchedChannels, *, later: 
         elif isinstance(item, Channel):
             missing -= channels.by_number.keys()
         size += OVERHEAD + (len(item.data) if isinstance(item, RawMessage | Nameless) else 0)
-        if not later or not missing or size > HELD_LIMIT:
+        if not missing or size > HELD_LIMIT:
             yield from _named(held, channels)
-            later = later and not missing
+            channels.later = not missing
             held, size, missing = [], 0, set()
     yield from _named(held, channels)
 
@@ -58,12 +57,13 @@ def hold(items: Iterable[Item | Nameless], channels: WatchedChannels, *, later: 
 def _named(held: Iterable[Item | Nameless], channels: WatchedChannels) -> Iterator[Item]:
     for item in held:
         if isinstance(item, Nameless):
-            yield from _name(item, channels)
+            yield from name(item, channels)
         else:
             yield item
 
 
-def _name(message: Nameless, channels: WatchedChannels) -> Iterator[Item]:
+def name(message: Nameless, channels: WatchedChannels) -> Iterator[Item]:
+    """The message with its channel, if that is known or can be guessed by now; what else becomes of it is counted."""
     number, stamp_ns, data, publish_ns, sequence = message
     watched = channels.by_number.get(number)
     if watched is None:

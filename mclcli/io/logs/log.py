@@ -25,6 +25,7 @@ PACKED = "compressed (zstd), and cannot be decompressed"
 """Reason under which compressed messages are counted that are damaged."""
 LATE = "came over 1 s late; kept in file order"
 """Note under which messages are counted that the reordering could not put in their place."""
+_FIRST = ZSTD[:1]  # compared first: it is the same object every time
 _WARNINGS = 20  # damages told one by one
 
 
@@ -116,7 +117,7 @@ class _Intake:
             for item in container.items(wish):
                 if isinstance(item, RawMessage):
                     tally.saw(item.log_time_ns, item.log_time_ns)
-                    if item.data[:4] == ZSTD and item.channel.encoding == "cdr":
+                    if item.data[:1] == _FIRST and item.data[:4] == ZSTD and item.channel.encoding == "cdr":
                         yield from self.unpack(item, budget)
                     else:
                         yield item

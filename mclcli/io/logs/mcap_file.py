@@ -10,7 +10,8 @@ from __future__ import annotations
 import struct
 import zlib
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, final
+from itertools import chain
+from typing import TYPE_CHECKING, cast, final
 
 from mclcli.io.logs import mcap_records as rec
 from mclcli.io.logs import mcap_search as search
@@ -40,7 +41,7 @@ class McapFile:
     def items(self, wish: Wish = EVERYTHING) -> Iterator[Item]:
         """Channels, messages and damage in file order (see ``Container``)."""
         with self.start() as src:
-            yield from _Pass(self, src, WatchedChannels(wish), Report(self.source)).run()
+            yield from _Pass(self, src, WatchedChannels(wish, src.size is None), Report(self.source)).run()
 
 
 @final
@@ -72,8 +73,13 @@ class _Pass:
         self.contents = Contents(self.channels, self.report, self.definitions if again else None)
 
     def run(self) -> Iterator[Item]:
-        """Yield everything."""
-        yield from hold(self.records_of_file(), self.channels, later=self.src.size is None)
+        """Everything; messages pass through as few hands as possible."""
+        found = self.records_of_file()
+        items = hold(found, self.channels) if self.channels.later else cast("Iterator[Item]", found)
+        return chain(items, self.last_words())
+
+    def last_words(self) -> Iterator[Item]:
+        """What was passed over, what is missing, and what the file is."""
         yield from self.channels.report()
         yield from self.inventory.settle(self.src.offset, self.report, self.contents.messages, self.channels)
         yield FileFacts(self.file.source, "MCAP", self.closed, self.checksums())
@@ -232,7 +238,10 @@ class _Pass:
             return
         in_place = plain is packed
         self.last_span = head.first_ns, head.last_ns
-        yield from self.contents.records(body if in_place else bytes(plain), at, head.data_at if in_place else 0)
+        records = body if in_place else bytes(plain)
+        stop = yield from self.contents.unbroken(records, head.data_at if in_place else 0)
+        if stop < len(records):
+            yield from self.contents.mended(records, at, stop)
         self.safe_at = self.src.offset
 
     def drop(self, at: int, body: bytes, head: rec.ChunkHead | None, error: str) -> None:
