@@ -58,6 +58,8 @@ class _Pass:
     indexed: int = 0  # chunks that the index counts
     chunked: bool = False  # chunks were met
     loose: bool = False  # messages stand outside chunks
+    plain: bool = False  # messages are not compressed: none can tell whether they were altered
+    last_ns: int = 0
     learned: bool = False
     resumes: int = 0
     safe_at: int = len(rec.MAGIC)  # nothing before this byte is searched after broken framing
@@ -152,6 +154,7 @@ class _Pass:
             self.report.bad_chunk = self.report.lost(at, f"chunk at byte {at} {error}")
             self.look_within(data)
             return
+        self.plain = self.plain or plain is data
         first = self.inventory.original((size, len(data)), data, at)
         if first is not None:
             yield self.report.lost(at, f"chunk at byte {at} repeats the one at byte {first}; the copy is left out", 0)
@@ -175,7 +178,7 @@ class _Pass:
         while stop < len(plain):
             again = self.next_record(plain, stop)
             rest = "the rest of them is skipped" if again == len(plain) else f"{again - stop} bytes of them are skipped"
-            yield self.report.lost(at, f"records at byte {at} are broken inside; {rest}")
+            yield self.report.beyond(at, f"records at byte {at} are broken inside; {rest}")
             stop = yield from self.unbroken(plain, again)
 
     def unbroken(self, plain: bytes, stop: int) -> Generator[Item | Nameless, None, int]:
@@ -187,6 +190,7 @@ class _Pass:
                 if number not in channels:
                     yield from self.learn()
                 self.messages += 1
+                self.last_ns = stamp
                 watched = channels.get(number)
                 if watched is None:
                     message = Nameless(number, stamp, plain[start:stop], None, None)
@@ -243,6 +247,7 @@ class _Pass:
             self.resumes += 1
             what = f"framing is broken at byte {at}; read on from byte {self.src.offset}"
             self.report.bad_chunk = self.report.lost(at, what)
+            self.report.apart = self.report.apart or self.plain
             return True
         if indexed:
             self.inventory.forget()
@@ -298,8 +303,8 @@ class _Pass:
     def with_index(self, lost: Damage, entries: bytes) -> Damage:
         """What was lost with a chunk, with the messages that an index behind it lists."""
         stamps = [rec.stamp_ns(entries[i : i + 8]) for i in range(0, len(entries) - 11, 12)]
-        if not stamps:
-            return lost
+        if not stamps or (lost.messages is None and max(stamps) <= self.last_ns):
+            return lost  # of the chunk before, which was read
         known = [ns for ns in (lost.first_ns, lost.last_ns) if ns is not None]
         count = (lost.messages or 0) + len(stamps)
         return replace(lost, messages=count, first_ns=min(known + stamps), last_ns=max(known + stamps))

@@ -78,7 +78,8 @@ class Damage:
     """Bytes of a file that could not be used, reported in place of the messages they held.
 
     ``lossless`` damage (bytes after the end, a damaged summary) costs a warning but no data. ``messages`` is
-    how many messages are known to be lost, None if unknown; ``first_ns``/``last_ns`` the span they covered, if known.
+    how many messages are known to be lost, None if unknown, negative for those said to be lost before that were read
+    after all; ``first_ns``/``last_ns`` the span they covered, if known.
     ``in_all``: a file's last word, with which the numbers add up, whatever earlier damages could not count.
     """
 
@@ -228,7 +229,7 @@ class Tally:
         settled = {damage.source for damage in self.damages if damage.in_all}
         losses = [damage for damage in self.damages if not damage.lossless]
         unknown = any(damage.messages is None and damage.source not in settled for damage in losses)
-        return sum(damage.messages or 0 for damage in losses), unknown
+        return sum(damage.messages or 0 for damage in self.damages), unknown
 
     def saw(self, first_ns: int, last_ns: int) -> None:
         """Widen the span of the log."""

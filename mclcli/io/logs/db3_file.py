@@ -24,7 +24,9 @@ from mclcli.io.logs.mcap_records import is_latched, ros2_name
 from mclcli.io.logs.report import Report
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Generator, Iterator
+
+    from mclcli.io.logs.base import Damage
 
 _ROWS = 256  # messages fetched at a time
 _HOLES = 200  # damaged places that are walked around before giving up
@@ -32,6 +34,7 @@ _FILLER = bytes.fromhex("9f3a00c1e75bd204868dfe11a97c3360")  # what missing page
 _FILLED = 1 << 26  # bytes of missing pages filled so; no message reaches farther
 _SPARSE = 2  # ids of which more than half is missing count nothing
 _COUNT = re.compile(r"^( *)message_count: ([1-9]\d{0,17})\s*$", re.MULTILINE)
+_IDS = "ids count"
 _FARTHEST = 1 << 62  # ids above this are not looked for
 
 
@@ -90,21 +93,25 @@ class _Pass:
         yield from self.channels.report()
         if self.odd:
             yield self.report.lost(0, "rows without a topic, a time or data", self.odd)
-        declared, by = self.declared()
-        yield from self.report.totals(0, self.rows_read - self.odd, declared, by)
+        declared, by = yield from self.declared()
+        yield from self.report.totals(0, self.rows_read - self.odd, declared, by, least=by == _IDS)
 
-    def declared(self) -> tuple[int, str]:
+    def declared(self) -> Generator[Damage, None, tuple[int, str]]:
         """Messages that there should be, and what says so: the index over times, a description, or else the ids.
 
         Rows that were deleted are in no index. So only where something is damaged is the greater number believed.
         """
-        indexed, described = self.indexed(), self.described()
+        indexed, described = None, self.described()
+        try:
+            indexed = self.indexed()
+        except sqlite3.DatabaseError:
+            yield self.report.lost(0, "the index over times is damaged")
         if indexed is not None and (described is None or indexed >= described or not self.report.hurt):
             return indexed, "file counts"
         if described is not None:
             return described, "file is described with"
         span = 0 if self.first_id is None else self.last_id - self.first_id + 1
-        return (span if span <= _SPARSE * self.rows_read else self.rows_read), "ids count"
+        return (span if span <= _SPARSE * self.rows_read else self.rows_read), _IDS
 
     def described(self) -> int | None:
         """Messages that the file's own description counts (since Iron), or that of its folder."""
@@ -117,12 +124,11 @@ class _Pass:
         return self.counted
 
     def indexed(self) -> int | None:
-        """Messages that the index over their times counts, None where there is no such index."""
-        try:
-            query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx"
-            return int(self.database.execute(query).fetchone()[0])
-        except sqlite3.Error:
+        """Messages that the index over their times counts, None where there is no such index; sqlite3.DatabaseError."""
+        if not self.database.execute("SELECT 1 FROM sqlite_master WHERE name = 'timestamp_idx'").fetchone():
             return None
+        query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx"
+        return int(self.database.execute(query).fetchone()[0])
 
     def harden(self) -> None:
         """Take the database for hostile: no functions from its schema, no blob larger than a chunk may be."""

@@ -75,7 +75,7 @@ class Inventory:
             by = "file counts" if self.declared is not None else "chunk indexes count"
             yield from report.totals(at, found, expected, by)
         elif more := channels.missing_numbers(messages):
-            yield from report.totals(at, found, messages + more, "sequence numbers count")
+            yield from report.totals(at, found, messages + more, "sequence numbers count", least=True)
 
 
 def _chunks(count: int) -> str:

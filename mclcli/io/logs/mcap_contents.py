@@ -57,7 +57,7 @@ class Contents:
         while pos < len(plain):
             again = self.next_record(plain, pos)
             rest = "the rest of them is skipped" if again == len(plain) else f"{again - pos} bytes of them are skipped"
-            yield self.report.lost(at, f"records at byte {at} are broken inside; {rest}")
+            yield self.report.beyond(at, f"records at byte {at} are broken inside; {rest}")
             pos = yield from self.unbroken(plain, again)
 
     def unbroken(self, plain: bytes, pos: int) -> Generator[Item | Nameless, None, int]:  # noqa: C901 - every message passes
@@ -144,7 +144,7 @@ class Contents:
 
     def malformed(self, what: str) -> Item:
         """Damage for a definition that does not parse: perhaps it was a message."""
-        return self.report.lost(0, f"a {what} record does not parse")
+        return self.report.beyond(0, f"a {what} record does not parse")
 
     def learn(self) -> Iterator[Item]:
         """Take the definitions that stand anywhere in the file, once, where those that should come first are lost."""

@@ -271,10 +271,13 @@ class _Pass:
             if not len(rec.MAGIC) <= index.start <= self.src.size - length or length > RECORD_LIMIT:
                 continue
             self.src.go_to(index.start)
-            record = self.src.read(length)
-            if record[:9] == rec.RECORD.pack(rec.CHUNK, length - rec.RECORD.size):
-                yield from self.chunk(index.start, record[9:])
+            body = self.src.read(length)[rec.RECORD.size :]
+            head = rec.parse_chunk_head(body)
+            if head is not None and head.key(len(body)) == index.key:
+                before = self.contents.messages
+                yield from self.chunk(index.start, body)
                 yield from self.report.flush()
+                yield from self.report.regained(index.start, self.contents.messages - before)
         self.src.go_to(self.src.size)
 
     def broken(self, at: int, head: bytes, body: bytes | None) -> Generator[Item | Nameless, None, bool]:
@@ -285,11 +288,9 @@ class _Pass:
         if self.resumes < RESUMES and self.search():
             self.resumes += 1
             next_chunk = self.peek_chunk()
-            span = (
-                (self.contents.last_ns, next_chunk.first_ns)
-                if next_chunk and self.contents.last_ns is not None
-                else (None, None)
-            )
+            last_ns = self.contents.last_ns
+            span = (last_ns, next_chunk.first_ns) if next_chunk and last_ns is not None else (None, None)
+            self.report.apart = self.report.apart or self.loose or self.unchecked > 0
             what = f"framing is broken at byte {at}; read on from byte {self.src.offset}"
             self.report.bad_chunk = self.report.lost(at, what, None, *span)
             return True

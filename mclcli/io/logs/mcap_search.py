@@ -25,6 +25,7 @@ HEAD_LIMIT = 64
 """Bytes that hold the head of any chunk."""
 PASSED = frozenset({rec.ATTACHMENT_INDEX, rec.METADATA_INDEX, rec.SUMMARY_OFFSET, *range(0x80, 0x100)})
 """Kinds of records whose contents nobody needs."""
+_ADDED = 256  # bytes of fields that later versions of the format may add
 _SHORTEST = 16  # bytes of a schema or channel that is believed
 _YEARS_NS = 1 << 57  # times farther than four years from those before are no times
 # Fields of each kind: numbers of so many bytes, s: text, bytes or pairs after a 32-bit length, q: after a 64-bit one.
@@ -80,15 +81,17 @@ def chunk_within(body: bytes, left: int) -> int | None:
 def fits(kind: int, length: int, start: bytes, left: int) -> bool:
     """Whether a record other than a message, whose content begins with ``start``, is of its kind.
 
-    Its fields must fill it, or at least leave no room in which a chunk starts that ends within the ``left`` bytes from
-    ``start``; a private one must not read as a chunk. A chunk itself is told when it is inflated.
+    Its fields must fill it but for a few bytes, which later versions may add, and in which no chunk starts that ends
+    within the ``left`` bytes from ``start``; a private one must not read as a chunk. A chunk itself is told when it is inflated.
     """
     if kind == rec.CHUNK:
         return True
     if kind not in rec.KNOWN:
         return kind & 0x7F != rec.CHUNK or length_of(rec.CHUNK, start) != length
     needed = length_of(kind, start)
-    return needed is not None and (needed == length or (needed < length and chunk_within(start, left) is None))
+    if needed is None or not needed <= length <= needed + _ADDED:
+        return False
+    return needed == length or chunk_within(start, left) is None
 
 
 def record_start(
@@ -142,11 +145,9 @@ def _is_message(window: bytes, begin: int, left: int, last_ns: int | None, chann
     number, _, stamp, _ = rec.MESSAGE_HEAD.unpack_from(window, begin + 9)
     if length < rec.MESSAGE_HEAD.size or (channels and number not in channels):
         return False
-    if last_ns is not None and abs(stamp - last_ns) > _YEARS_NS:
-        return False
     after = begin + 9 + length
     if after + 9 > len(window):  # too long to see what follows
-        return last_ns is not None and bool(channels)
+        return last_ns is not None and bool(channels) and abs(stamp - last_ns) <= _YEARS_NS
     kind, length = rec.RECORD.unpack_from(window, after)
     if kind == rec.MESSAGE and rec.MESSAGE_HEAD.size <= length <= left - after - 9:
         far = len(window) >= after + 31 and abs(rec.MESSAGE_HEAD.unpack_from(window, after + 9)[2] - stamp) > _YEARS_NS

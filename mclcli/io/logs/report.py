@@ -32,7 +32,7 @@ class Report:
     hurt: bool = False
     counted: int = 0
     uncounted: int = 0
-    apart: bool = False  # something is wrong that no count of messages can settle
+    apart: bool = False  # something may be wrong that no count of messages can settle
     bad_chunk: Damage | None = None  # a dropped chunk, waiting for its indexes to tell what was in it
 
     def lost(
@@ -69,6 +69,15 @@ class Report:
             yield self.bad_chunk
         self.bad_chunk = None
 
+    def regained(self, at: int, messages: int) -> Iterator[Damage]:
+        """Messages of the chunk at byte ``at`` that were said to be lost, and were read in the end."""
+        again = min(messages, self.counted)
+        if again:
+            self.counted -= again
+            yield replace(
+                self.harmless(at, f"chunk at byte {at} was found by the index and read after all"), messages=-again
+            )
+
     def unclosed(self, at: int) -> Damage:
         """The file ends where a record would start, and nothing ends it."""
         return self.lost(at, UNCLOSED_HURT if self.hurt else UNCLOSED)
@@ -77,15 +86,18 @@ class Report:
         """Messages that were found, and that nothing describes."""
         return self.lost(at, "messages of channels that nothing describes", channels.nameless)
 
-    def totals(self, at: int, found: int, declared: int, by: str) -> Iterator[Damage]:
-        """Compare messages found with those ``declared``, ``by`` what; the last word where damages had no number."""
+    def totals(self, at: int, found: int, declared: int, by: str, *, least: bool = False) -> Iterator[Damage]:
+        """Compare messages found with those ``declared``, ``by`` what; the last word where damages had no number.
+
+        ``least``: there may have been more than ``declared``, so that this settles nothing.
+        """
         more = declared - found - self.counted
         if not self.hurt and declared != found:
             what = f"{by} {declared} messages, but {found} were found"
             yield self.lost(at, what, declared - found if declared > found else None)
         elif more > 0:
             what = f"{by} {declared} messages, {more} more than were found or said to be lost"
-            yield replace(self.lost(at, what, more), in_all=True)
-        elif self.uncounted and not self.apart and declared == found + self.counted:
+            yield replace(self.lost(at, what, more), in_all=not least)
+        elif self.uncounted and not self.apart and not least and declared == found + self.counted:
             what = f"{by} {declared} messages, which is what was found and said to be lost"
             yield replace(self.harmless(at, what), in_all=True)
