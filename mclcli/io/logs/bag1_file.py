@@ -58,6 +58,7 @@ class _Pass:
     indexed: int = 0  # chunks that the index counts
     chunked: bool = False  # chunks were met
     loose: bool = False  # messages stand outside chunks
+    padded: bool = False  # zeros stand between records
     plain: bool = False  # messages are not compressed: none can tell whether they were altered
     last_ns: int = 0
     learned: bool = False
@@ -101,7 +102,8 @@ class _Pass:
         """Pass over zeros where a record would start: padding in a bag whose index will tell if anything is missing."""
         self.src.unread(raw)
         self.src.find(_NOT_ZERO, lambda match, _: match.start())
-        if self.index_at == 0:
+        self.padded = True
+        if self.index_at < self.src.offset and not self.indexed:
             yield self.report.lost(at, f"zeros from byte {at} to byte {self.src.offset}")
 
     def head(self) -> tuple[bytes, Head, int]:
@@ -152,7 +154,7 @@ class _Pass:
             plain = inflate(data, compression, size, self.budget)
         except CorruptError as error:
             self.report.bad_chunk = self.report.lost(at, f"chunk at byte {at} {error}")
-            self.look_within(data)
+            self.look_within(at, data, 0)
             return
         self.plain = self.plain or plain is data
         first = self.inventory.original((size, len(data)), data, at)
@@ -161,17 +163,23 @@ class _Pass:
             return
         records = bytes(plain)
         stop = yield from self.unbroken(records, 0)
-        self.safe_at = self.src.offset
+        self.safe_at = at + 1 if plain is data else self.src.offset
         if stop < len(records):
-            yield from self.mended(records, at, stop)
-            if plain is data:
-                self.look_within(data)
+            inside = self.look_within(at, data, stop) if plain is data else None
+            yield from self.mended(records[:inside], at, stop)
 
-    def look_within(self, data: bytes) -> None:
-        """Go on at the chunk that a damaged one has swallowed, if there is one."""
-        inside = search.chunk_within(data, len(data) + self.src.left)
-        if inside is not None:
-            self.src.unread(data[inside:])
+    def look_within(self, at: int, data: bytes, start: int) -> int | None:
+        """Go on at the chunk that a damaged one has swallowed behind ``start``; returns where, None if there is none.
+
+        One that begins in it and ends behind it is searched from the start, once framing breaks.
+        """
+        inside = search.chunk_within(data[start:], len(data) - start + self.src.left)
+        self.safe_at = at + 1
+        if inside is None:
+            return None
+        self.src.unread(data[start + inside :])
+        self.safe_at = self.src.offset
+        return start + inside
 
     def mended(self, plain: bytes, at: int, stop: int) -> Iterator[Item | Nameless]:
         """The rest of a run of records that is broken at ``stop``, as far as records can be found in it."""
@@ -251,7 +259,11 @@ class _Pass:
             return True
         if indexed:
             self.inventory.forget()
-            yield self.report.harmless(at, f"index is damaged at byte {at}, or cut; it is not needed")
+            what = f"index is damaged at byte {at}, or cut"
+            if self.padded:  # nothing tells that the zeros before were no messages
+                yield self.report.beyond(at, what)
+            else:
+                yield self.report.harmless(at, f"{what}; it is not needed")
             return False
         yield from self.cut(at, raw, head, data)
         return False

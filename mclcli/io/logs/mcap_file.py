@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import TYPE_CHECKING, cast, final
 
@@ -97,7 +97,7 @@ class _Pass:
             if len(head) < rec.RECORD.size:
                 going = False
                 yield self.end(at, whole=not head)
-            elif not self.plausible(kind, length):
+            elif not search.plausible(kind, length, self.src.left):
                 going = yield from self.broken(at, head, None)
             else:
                 going = yield from self.record(at, head, crc)
@@ -110,12 +110,6 @@ class _Pass:
         if not (self.checked or self.unchecked or self.loose):
             return "unknown"
         return "in part" if self.checked else "no"
-
-    def plausible(self, kind: int, length: int) -> bool:
-        """Whether a record could have this kind and length here."""
-        if length > self.src.left or length != rec.FIXED.get(kind, length):
-            return False
-        return kind in rec.KNOWN or kind >= 0x80
 
     def record(self, at: int, head: bytes, crc: int) -> Generator[Item | Nameless, None, bool]:
         """Read one record's content and take it in."""
@@ -160,7 +154,7 @@ class _Pass:
         """Records about the records: indexes, statistics, checksums, the end; and what stands beside the messages."""
         body = record[9:]
         if kind == rec.MESSAGE_INDEX:
-            self.count_lost(body)
+            self.report.count_index(rec.index_entries(body), int.from_bytes(body[6:14], "little"), self.last_span)
         elif kind == rec.CHUNK_INDEX and (index := rec.parse_chunk_index(body)) is not None:
             self.inventory.listed[index.start] = index
         elif kind == rec.STATISTICS:
@@ -177,16 +171,6 @@ class _Pass:
             yield from self.close(at, record, crc)
         elif self.channels.wish.beside:
             yield from self.beside(at, kind, body)
-
-    def count_lost(self, index: bytes) -> None:
-        """Count the messages of a chunk that was dropped by an index that follows it."""
-        lost = self.report.bad_chunk
-        if lost is None or len(index) < 22:
-            return
-        (first_ns,) = struct.unpack_from("<q", index, 6)
-        if lost.first_ns is None and self.last_span and self.last_span[0] <= first_ns <= self.last_span[1]:
-            return  # of the chunk before, which was read
-        self.report.bad_chunk = replace(lost, messages=(lost.messages or 0) + rec.index_entries(index))
 
     def beside(self, at: int, kind: int, body: bytes) -> Iterator[Item]:
         """What stands beside the messages."""
@@ -240,18 +224,29 @@ class _Pass:
         self.last_span = head.first_ns, head.last_ns
         records = body if in_place else bytes(plain)
         stop = yield from self.contents.unbroken(records, head.data_at if in_place else 0)
+        self.safe_at = at + 1 if in_place and not head.crc else self.src.offset
         if stop < len(records):
-            yield from self.contents.mended(records, at, stop)
-        self.safe_at = self.src.offset
+            inside = self.look_within(at, records, stop) if in_place else None
+            yield from self.contents.mended(records[:inside], at, stop)
 
     def drop(self, at: int, body: bytes, head: rec.ChunkHead | None, error: str) -> None:
         """Say that a chunk cannot be used, and go on at the chunk that its length has swallowed, if there is one."""
         span = (head.first_ns, head.last_ns) if head and head.first_ns <= head.last_ns else (None, None)
         self.report.bad_chunk = self.report.lost(at, f"chunk at byte {at} {error}", None, *span)
-        inside = search.chunk_within(body, len(body) + self.src.left)
-        if inside is not None:
-            self.src.unread(body[inside:])
-            self.safe_at = self.src.offset
+        self.look_within(at, body, 0)
+
+    def look_within(self, at: int, body: bytes, start: int) -> int | None:
+        """Go on at the chunk that a damaged one has swallowed behind ``start``; returns where, None if there is none.
+
+        One that begins in it and ends behind it is searched from the start, once framing breaks.
+        """
+        inside = search.chunk_within(body[start:], len(body) - start + self.src.left)
+        self.safe_at = at + 1
+        if inside is None:
+            return None
+        self.src.unread(body[start + inside :])
+        self.safe_at = self.src.offset
+        return start + inside
 
     def definitions(self) -> Definitions:
         """Schemas and channels that stand anywhere in the file."""
@@ -287,7 +282,7 @@ class _Pass:
             self.src.go_to(self.safe_at)
         if self.resumes < RESUMES and self.search():
             self.resumes += 1
-            next_chunk = self.peek_chunk()
+            next_chunk = search.peek_chunk(self.src)
             last_ns = self.contents.last_ns
             span = (last_ns, next_chunk.first_ns) if next_chunk and last_ns is not None else (None, None)
             self.report.apart = self.report.apart or self.loose or self.unchecked > 0
@@ -320,12 +315,6 @@ class _Pass:
         with self.file.start() as src:
             src.go_to(self.src.offset)
             return src.find(search.CHUNK_START, search.chunk_start)
-
-    def peek_chunk(self) -> rec.ChunkHead | None:
-        """Head of the chunk record that comes next, if one does."""
-        ahead = self.src.read(rec.RECORD.size + search.HEAD_LIMIT)
-        self.src.unread(ahead)
-        return rec.parse_chunk_head(ahead[rec.RECORD.size :]) if ahead[:1] == bytes([rec.CHUNK]) else None
 
     def cut(self, at: int, head: bytes, body: bytes | None) -> Iterator[Item | Nameless]:
         """Nothing follows a broken record: take what the beginning of a chunk gives."""

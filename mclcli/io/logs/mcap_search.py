@@ -15,6 +15,8 @@ from mclcli.io.logs import mcap_records as rec
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from mclcli.io.logs.source import ByteSource
+
 CHUNK_START = re.compile(rb"\x06.{36}(?:\x00{4}|\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4)", re.DOTALL)
 """What the start of a chunk record looks like."""
 RECORD_START = re.compile(rb"(?=[\x01-\x0f].{4}\x00{4})", re.DOTALL)
@@ -46,6 +48,13 @@ _FIELDS = {
     rec.DATA_END: "4",
 }
 _LAYOUTS = {kind: re.findall(r"\d+|s|q", fields) for kind, fields in _FIELDS.items()}
+
+
+def plausible(kind: int, length: int, left: int) -> bool:
+    """Whether a record could have this kind and length where so many bytes are left."""
+    if length > left or length != rec.FIXED.get(kind, length):
+        return False
+    return kind in rec.KNOWN or kind >= 0x80
 
 
 def length_of(kind: int, start: bytes) -> int | None:
@@ -82,7 +91,7 @@ def fits(kind: int, length: int, start: bytes, left: int) -> bool:
     """Whether a record other than a message, whose content begins with ``start``, is of its kind.
 
     Its fields must fill it but for a few bytes, which later versions may add, and in which no chunk starts that ends
-    within the ``left`` bytes from ``start``; a private one must not read as a chunk. A chunk itself is told when it is inflated.
+    within the ``left`` bytes from ``start``; a private one must not read as a chunk. Chunks are told when inflated.
     """
     if kind == rec.CHUNK:
         return True
@@ -92,6 +101,13 @@ def fits(kind: int, length: int, start: bytes, left: int) -> bool:
     if needed is None or not needed <= length <= needed + _ADDED:
         return False
     return needed == length or chunk_within(start, left) is None
+
+
+def peek_chunk(src: ByteSource) -> rec.ChunkHead | None:
+    """Head of the chunk record that comes next, if one does."""
+    ahead = src.read(rec.RECORD.size + HEAD_LIMIT)
+    src.unread(ahead)
+    return rec.parse_chunk_head(ahead[rec.RECORD.size :]) if ahead[:1] == bytes([rec.CHUNK]) else None
 
 
 def record_start(
@@ -143,11 +159,11 @@ def _is_message(window: bytes, begin: int, left: int, last_ns: int | None, chann
         return False
     _, length = rec.RECORD.unpack_from(window, begin)
     number, _, stamp, _ = rec.MESSAGE_HEAD.unpack_from(window, begin + 9)
-    if length < rec.MESSAGE_HEAD.size or (channels and number not in channels):
+    if length < rec.MESSAGE_HEAD.size:
         return False
     after = begin + 9 + length
     if after + 9 > len(window):  # too long to see what follows
-        return last_ns is not None and bool(channels) and abs(stamp - last_ns) <= _YEARS_NS
+        return last_ns is not None and number in channels and abs(stamp - last_ns) <= _YEARS_NS
     kind, length = rec.RECORD.unpack_from(window, after)
     if kind == rec.MESSAGE and rec.MESSAGE_HEAD.size <= length <= left - after - 9:
         far = len(window) >= after + 31 and abs(rec.MESSAGE_HEAD.unpack_from(window, after + 9)[2] - stamp) > _YEARS_NS

@@ -60,6 +60,18 @@ class Report:
         """A record that is passed over because it would fill the memory."""
         return self.lost(at, f"record at byte {at} has {size >> 20} MiB, more than {RECORD_LIMIT >> 20}; it is skipped")
 
+    def count_index(self, messages: int, first_ns: int, before: tuple[int, int] | None) -> None:
+        """Count the ``messages`` of a chunk that was dropped by an index that follows it.
+
+        An index whose ``first_ns`` lies between the times of the chunk ``before``, which was read, is of that one.
+        """
+        lost = self.bad_chunk
+        if lost is None or not messages:
+            return
+        if lost.first_ns is None and before is not None and before[0] <= first_ns <= before[1]:
+            return
+        self.bad_chunk = replace(lost, messages=(lost.messages or 0) + messages)
+
     def flush(self) -> Iterator[Damage]:
         """Hand out the chunk that was waiting, if one was."""
         if self.bad_chunk is not None:
@@ -97,7 +109,7 @@ class Report:
             yield self.lost(at, what, declared - found if declared > found else None)
         elif more > 0:
             what = f"{by} {declared} messages, {more} more than were found or said to be lost"
-            yield replace(self.lost(at, what, more), in_all=not least)
+            yield replace(self.lost(at, what, more), in_all=not least and not self.apart)
         elif self.uncounted and not self.apart and not least and declared == found + self.counted:
             what = f"{by} {declared} messages, which is what was found and said to be lost"
             yield replace(self.harmless(at, what), in_all=True)
