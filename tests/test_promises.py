@@ -129,16 +129,20 @@ def test_time_that_jumps_back_begins_a_new_segment(tmp_path: Path) -> None:
 def test_a_stream_takes_bounded_memory() -> None:
     """Of 400 MB on stdin, no more than is held back for reordering stays in memory."""
     own = records.schema(9, "std_msgs/msg/String", "ros2msg", "string data") + records.channel(9, 9, "/own")
-    plain = own + b"".join(records.message(9, content.START_NS, os.urandom(500) * 200) for _ in range(20))
-    chunk = records.chunk(plain, "zstd", zstandard.compress(plain))
+    noise = os.urandom(500) * 200
+
+    def chunk(number: int) -> bytes:
+        plain = own + b"".join(records.message(9, content.START_NS + number, noise) for _ in range(20))
+        return records.chunk(plain, "zstd", zstandard.compress(plain))
+
     told = "import atexit; atexit.register(lambda: print(open('/proc/self/status').read())); "
     words = [sys.executable, "-c", told + ENTRY, "info", "-"]
     started = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=ROOT)
 
     def feed(stream: IO[bytes]) -> None:
         stream.write(records.mcap(end=False))
-        for _ in range(200):
-            stream.write(chunk)
+        for number in range(200):
+            stream.write(chunk(number))
         stream.write(records.mcap()[len(records.mcap(end=False)) :])
         stream.close()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from dataclasses import dataclass
 from itertools import chain
@@ -16,7 +17,7 @@ from mclcli.text import clean
 
 if TYPE_CHECKING:
     from mclcli.io.logs import Log
-    from mclcli.io.logs.base import Channel, Tally
+    from mclcli.io.logs.base import Attachment, Beside, Channel, MetadataRecord, RawMessage, Tally
     from mclcli.io.traces.output import Output
     from mclcli.io.traces.recovered_mcap import RecoveredMcap
 
@@ -38,8 +39,9 @@ class RecoverOptions:
 def command(recover: RecoverOptions) -> ExitCode:
     """Write what can be read of DAMAGED (a file, a rosbag2 folder, several, or -) into an indexed, checksummed MCAP.
 
-    Messages keep their bytes, types and times: those of ROS 1 stay ROS 1. Exits with 0 if all of them were saved, with
-    3 if some were lost or may have been, with 1 if there was nothing to save.
+    Messages keep their bytes, types, times and numbers: those of ROS 1 stay ROS 1. Attachments and metadata of an MCAP
+    are saved too; messages that were compressed one by one are unpacked. Exits with 0 if all was saved, with 3 if
+    something was lost or may have been, with 1 if there was nothing to save.
     """
     from mclcli.io.logs import open_log
     from mclcli.io.logs.base import Tally
@@ -60,44 +62,70 @@ def command(recover: RecoverOptions) -> ExitCode:
 
 
 def _save(log: Log, tally: Tally, sink: Output) -> RecoveredMcap:
+    from mclcli.io.logs.base import Heading
+    from mclcli.io.messages.guessing import Guesses
     from mclcli.io.traces.recovered_mcap import UNWRITABLE, RecoveredMcap
 
-    messages = log.messages(None, tally)
+    beside: list[Beside] = []
+    messages = log.messages(None, tally, beside=beside.append, guess=Guesses())
     first = next(messages, None)
-    if first is None:
+    if first is None and not _carried(beside):
         raise InputError(f"{', '.join(log.names)}: no message could be saved; `mcl info` says what it holds")
-    saved = RecoveredMcap.begin(sink, _channels(log, first.channel))
+    headings = [item for item in beside if isinstance(item, Heading)]
+    saved = RecoveredMcap.begin(sink, _channels(log, first), headings)
     try:
-        for message in chain((first,), messages):
+        for message in chain(() if first is None else (first,), messages):
+            _carry(beside, saved)
             if not saved.write(message):
                 tally.reject(message.channel.topic, UNWRITABLE)
+        _carry(beside, saved)
     finally:
         saved.close()
         sink.allow_part()
     return saved
 
 
-def _channels(log: Log, first: Channel) -> list[Channel]:
+def _carried(beside: list[Beside]) -> list[Attachment | MetadataRecord]:
+    from mclcli.io.logs.base import Heading
+
+    return [item for item in beside if not isinstance(item, Heading)]
+
+
+def _carry(beside: list[Beside], saved: RecoveredMcap) -> None:
+    """Write what has come beside the messages since the last call."""
+    for item in _carried(beside):
+        saved.carry(item)
+    beside.clear()
+
+
+def _channels(log: Log, first: RawMessage | None) -> list[Channel]:
     """Channels of the whole log where it can be read twice, else that of its first message."""
     from mclcli.io.logs.base import Tally
 
-    if not log.seekable:
-        return [first]
     ahead = Tally()
-    for _ in log.messages(frozenset(), ahead, announce=False):
-        pass
-    return ahead.channels
+    if log.seekable:
+        for _ in log.messages(frozenset(), ahead, announce=False):
+            pass
+    return ahead.channels or ([] if first is None else [first.channel])
 
 
 def _report(output: str, saved: RecoveredMcap, tally: Tally) -> None:
     """What was saved, by topic, and what was not."""
     for topic, count in sorted(saved.written.items()):
-        console.remark(f"{clean(topic)}: {count} messages saved")
+        console.remark(f"{clean(topic)}: {count} messages saved{_guessed(topic, saved)}")
+    for what, count in sorted(saved.beside.items()):
+        console.remark(f"{count} {what}{'s'[: count != 1]} saved")
     for topic, reasons in sorted(tally.skipped.items()):
         for why, count in sorted(reasons.items()):
             console.remark(f"{clean(topic)}: {count} messages not saved: {why}")
-    known = [damage.messages for damage in tally.damages if not damage.lossless]
-    lost = sum(count for count in known if count is not None)
-    more = " and an unknown number" if None in known else ""
+    lost, more = tally.lost()
+    said = ([str(lost)] if lost else []) + (["an unknown number"] if more else [])
     total = saved.written.total()
-    console.remark(f"{output}: {total} messages; lost: {lost or ('' if more else 'none')}{more}".replace(": and", ":"))
+    console.remark(f"{output}: {total} messages; lost: {' and '.join(said) or 'none'}")
+
+
+def _guessed(topic: str, saved: RecoveredMcap) -> str:
+    """What to say of a topic that nothing in the log describes."""
+    kinds = {channel.type for channel, _ in saved.keys if channel.topic == topic}
+    guessed = re.fullmatch(r"/unknown/\d+", topic)
+    return f"; nothing in the log describes them, they parse as {', '.join(sorted(kinds))}" if guessed else ""

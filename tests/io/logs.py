@@ -65,8 +65,9 @@ def mcap_bytes(
     chunk_size: int = 2000,
     chunked: bool = True,
     data_crc: bool = True,
+    **options: Any,
 ) -> bytes:
-    """MCAP with messages alternating on /a and /b, their payload telling their number."""
+    """MCAP with messages alternating on /a and /b, their payload telling their number; ``options`` are the writer's."""
     stream = io.BytesIO()
     writer = Writer(
         stream,
@@ -74,6 +75,7 @@ def mcap_bytes(
         chunk_size=chunk_size,
         use_chunking=chunked,
         enable_data_crcs=data_crc,
+        **options,
     )
     writer.start(profile="ros2")
     schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data\n")

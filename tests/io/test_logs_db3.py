@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from mclcli.io.logs.db3_file import Db3File
 from tests.data import shared
-from tests.io.logs import Seen, look, numbers, payload, seeded
+from tests.io.logs import Seen, look, look_at, numbers, payload, seeded
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -96,7 +96,9 @@ def test_reading_goes_on_behind_damaged_pages(tmp_path: Path) -> None:
     found = numbers(seen)
     assert found[-1] == 2999
     assert 2900 < len(found) < 3000
-    assert all("damaged" in damage.what for damage in seen.damages)
+    *holes, last = seen.damages
+    assert all("damaged" in damage.what for damage in holes)
+    assert last.messages == 3000 - len(found)
     assert len(seen.damages) >= 2
 
 
@@ -142,3 +144,47 @@ def test_a_database_damaged_anywhere_never_raises(tmp_path: Path) -> None:
         (tmp_path / "hurt.db3").write_bytes(hurt)
         seen = read(tmp_path / "hurt.db3")
         assert len(seen.messages) <= 310
+
+
+def cut_root(path: Path) -> None:
+    """Leave five cells only in the root page of the table: most rows are lost, and nothing looks broken."""
+    with contextlib.closing(sqlite3.connect(path)) as database:
+        (root,) = database.execute("SELECT rootpage FROM sqlite_master WHERE name = 'messages'").fetchone()
+    data = bytearray(path.read_bytes())
+    data[(root - 1) * 4096 + 3 : (root - 1) * 4096 + 5] = bytes([0, 5])
+    path.write_bytes(data)
+
+
+def test_messages_are_compared_with_what_describes_the_file(tmp_path: Path) -> None:
+    with contextlib.closing(make(tmp_path / "x.db3", 300)) as database:
+        database.execute("CREATE TABLE metadata(id INTEGER PRIMARY KEY, metadata_version INTEGER, metadata TEXT)")
+        text = "message_count: 300\ntopics:\n- message_count: 17\nfiles:\n- path: a\n  message_count: 1\n"
+        database.execute("INSERT INTO metadata VALUES (1, 9, ?)", (text,))
+        database.commit()
+    assert read(tmp_path / "x.db3").damages == []
+    cut_root(tmp_path / "x.db3")
+    seen = read(tmp_path / "x.db3")
+    assert [damage.messages for damage in seen.damages] == [300 - len(seen.messages)]
+
+
+def test_messages_are_compared_with_the_metadata_of_the_folder(tmp_path: Path) -> None:
+    for name in ("x_0.db3", "x_1.db3"):
+        make(tmp_path / name, 300).close()
+    entries = "".join(f"    - path: x_{n}.db3\n      message_count: 300\n" for n in range(2))
+    listed = "  relative_file_paths:\n    - x_0.db3\n    - x_1.db3\n"
+    text = f"rosbag2_bagfile_information:\n  message_count: 600\n  files:\n{entries}{listed}"
+    (tmp_path / "metadata.yaml").write_text(text)
+    assert look_at(tmp_path).damages == []
+    cut_root(tmp_path / "x_1.db3")
+    seen = look_at(tmp_path)
+    assert [(d.source, d.messages) for d in seen.damages] == [("x_1.db3", 600 - len(seen.messages))]
+
+
+def test_rows_that_are_missing_show_in_the_ids_where_nothing_else_counts_them(tmp_path: Path) -> None:
+    with contextlib.closing(make(tmp_path / "x.db3", 300)) as database:
+        database.execute("DELETE FROM messages WHERE id BETWEEN 100 AND 119")
+        database.commit()
+        assert [damage.messages for damage in read(tmp_path / "x.db3").damages] == [20]
+        database.execute("CREATE INDEX timestamp_idx ON messages (timestamp ASC)")
+        database.commit()
+    assert read(tmp_path / "x.db3").damages == [], "rows that somebody deleted are in no index"

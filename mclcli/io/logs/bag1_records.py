@@ -5,7 +5,6 @@ Source: ROS wiki, Bags/Format/2.0.
 
 from __future__ import annotations
 
-import re
 import struct
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
@@ -22,8 +21,6 @@ HEADER_LIMIT = 1 << 16
 """Longest record header believed [bytes]; real ones have less than a hundred, and a topic name."""
 LENGTH = struct.Struct("<I")
 STAMP = struct.Struct("<II")
-CHUNK_START = re.compile(rb"compression=(?:none|bz2|lz4)")
-"""A field that only chunk headers have, for finding one after broken framing."""
 
 Fields = dict[bytes, bytes]
 
@@ -67,9 +64,9 @@ def parse_head(data: bytes, at: int, stop: int) -> Head:
     return Head(kind[0] if len(kind) == 1 and at == stop else 0, fields)
 
 
-def walk(data: bytes) -> Iterator[tuple[Head, int, int]]:
+def walk(data: bytes, at: int = 0) -> Iterator[tuple[Head, int, int]]:
     """Header of each whole record in a run of them, and where its data start and stop; ends at the first broken one."""
-    at, end = 0, len(data)
+    end = len(data)
     while at + 8 <= end:
         start = at + 8 + LENGTH.unpack_from(data, at)[0]
         if start > end:
@@ -110,21 +107,26 @@ def parse_connection(head: Head, data: bytes) -> Channel | None:
 _KEPT = ("callerid", "latching", "md5sum")
 
 
-def chunk_start(match: re.Match[bytes], left: int) -> int | None:
-    """Position of a chunk record in the window that was searched, if the match stands in the header of one."""
-    window, field = match.string, match.start() - 4
-    for before in (0, 8, 13, 21):  # the fields op and size, one or both, may come first
-        begin = field - before - 4
-        if begin < 0:
-            continue
-        (length,) = LENGTH.unpack_from(window, begin)
-        stop = begin + 4 + length
-        if length > 100 or stop + 4 > len(window):
-            continue
-        if parse_head(window, begin + 4, stop).kind == CHUNK:
-            (size,) = LENGTH.unpack_from(window, stop)
-            return begin if stop + 4 + size <= left else None
-    return None
+def fits(head: Head, size: int) -> bool:
+    """Whether a record of this kind has the fields that it needs, and data of a length that fits them."""
+    if not _NEEDED[head.kind] <= head.fields.keys():
+        return False
+    count = head.number(b"count")
+    if head.kind == INDEX:
+        return size in {12 * count, 20 * count}
+    return head.kind != CHUNK_INFO or size == 8 * count
+
+
+_NEEDED: dict[int, set[bytes]] = {
+    MESSAGE: {b"conn", b"time"},
+    BAG_HEADER: {b"index_pos"},
+    INDEX: {b"conn", b"count"},
+    CHUNK: {b"compression", b"size"},
+    CHUNK_INFO: {b"chunk_pos", b"count"},
+    CONNECTION: {b"conn", b"topic"},
+}
+KINDS = _NEEDED.keys()
+"""Kinds of records that there are."""
 
 
 def index_entries(head: Head) -> int:

@@ -49,12 +49,16 @@ class Channel:
 
 @final
 class RawMessage(NamedTuple):
-    """One message as recorded, not decoded; ``publish_ns`` where the container has it. A tuple: there are millions."""
+    """One message as recorded, not decoded; ``publish_ns`` and ``sequence`` where the container has them.
+
+    A tuple: there are millions.
+    """
 
     channel: Channel
     log_time_ns: int
     data: bytes
     publish_ns: int | None = None
+    sequence: int | None = None
 
 
 @final
@@ -74,7 +78,9 @@ class Damage:
     """Bytes of a file that could not be used, reported in place of the messages they held.
 
     ``lossless`` damage (bytes after the end, a damaged summary) costs a warning but no data. ``messages`` is
-    how many messages are known to be lost, None if unknown; ``first_ns``/``last_ns`` the span they covered, if known.
+    how many messages are known to be lost, None if unknown, negative for those said to be lost before that were read
+    after all; ``first_ns``/``last_ns`` the span they covered, if known.
+    ``in_all``: a file's last word, with which the numbers add up, whatever earlier damages could not count.
     """
 
     source: str
@@ -84,10 +90,11 @@ class Damage:
     first_ns: int | None = None
     last_ns: int | None = None
     lossless: bool = False
+    in_all: bool = False
 
     def describe(self, origin_ns: int | None) -> str:
         """One line for the user, times in seconds after ``origin_ns`` (the log's first message)."""
-        if self.lossless:
+        if self.lossless or self.messages == 0:
             return f"{self.source}: {self.what}"
         span = ""
         if self.first_ns is not None and self.last_ns is not None:
@@ -112,7 +119,64 @@ class FileFacts:
     checksums: str
 
 
-Item = Channel | RawMessage | PassedOver | Damage | FileFacts
+@final
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """What an MCAP says of itself: its ``profile`` and the ``library`` that wrote it."""
+
+    profile: str
+    library: str
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Attachment:
+    """A file that stands within a log; times in ns."""
+
+    name: str
+    media_type: str
+    log_time_ns: int
+    create_time_ns: int
+    data: bytes
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class MetadataRecord:
+    """Pairs of texts that a log holds under a name."""
+
+    name: str
+    pairs: tuple[tuple[str, str], ...]
+
+
+Beside = Heading | Attachment | MetadataRecord
+"""What a log holds beside its messages."""
+Item = Channel | RawMessage | PassedOver | Damage | FileFacts | Heading | Attachment | MetadataRecord
+
+
+class Guess(Protocol):
+    """Makes a channel, of its number in the file and one message, where nothing in the file describes it."""
+
+    def __call__(self, number: int, data: bytes) -> Channel | None:
+        """Channel of the message, None if nobody can tell: then it is lost."""
+        ...
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a reader wants of a log: which channels (None: all), and whether what stands beside the messages.
+
+    ``guess`` is asked for channels that nothing in the file describes; without one their messages are lost.
+    """
+
+    channels: Callable[[Channel], bool] | None = None
+    beside: bool = False
+    guess: Guess | None = None
+
+
+EVERYTHING = Wish()
+"""All messages, and nothing beside them."""
 
 
 class Container(Protocol):
@@ -123,10 +187,10 @@ class Container(Protocol):
         """Base name of the file, for messages to the user."""
         ...
 
-    def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
+    def items(self, wish: Wish = EVERYTHING) -> Iterator[Item]:
         """Everything in file order, from the start; each channel before its first message, last what the file is.
 
-        Messages of channels that are not ``wanted`` come as ``PassedOver``: the very first at once (it may be the
+        Messages of channels that are not wished for come as ``PassedOver``: the very first at once (it may be the
         first message of the log), the others summed up when convenient.
         """
         ...
@@ -156,6 +220,16 @@ class Tally:
     def lossy(self) -> bool:
         """Whether messages were damaged, missing or undecodable (exit code 3)."""
         return self.undecodable > 0 or any(not damage.lossless for damage in self.damages)
+
+    def lost(self) -> tuple[int, bool]:
+        """Messages said to be lost, and whether an unknown number was lost as well.
+
+        A file's last word settles what its damages before could not count.
+        """
+        settled = {damage.source for damage in self.damages if damage.in_all}
+        losses = [damage for damage in self.damages if not damage.lossless]
+        unknown = any(damage.messages is None and damage.source not in settled for damage in losses)
+        return sum(damage.messages or 0 for damage in self.damages), unknown
 
     def saw(self, first_ns: int, last_ns: int) -> None:
         """Widen the span of the log."""

@@ -8,6 +8,7 @@ them. Source: rosbag2_storage_sqlite3; SQLite database file format, https://sqli
 from __future__ import annotations
 
 import contextlib
+import re
 import shutil
 import sqlite3
 import struct
@@ -16,31 +17,40 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, final
 
-from mclcli.io.logs.base import Channel, FileFacts, Item, RawMessage, Recorded
+from mclcli.io.logs.base import EVERYTHING, Channel, FileFacts, Item, RawMessage, Recorded, Wish
 from mclcli.io.logs.channels import WatchedChannels
 from mclcli.io.logs.inflate import CHUNK_LIMIT
 from mclcli.io.logs.mcap_records import is_latched, ros2_name
 from mclcli.io.logs.report import Report
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Generator, Iterator
+
+    from mclcli.io.logs.base import Damage
 
 _ROWS = 256  # messages fetched at a time
 _HOLES = 200  # damaged places that are walked around before giving up
 _FILLER = bytes.fromhex("9f3a00c1e75bd204868dfe11a97c3360")  # what missing pages are filled with
 _FILLED = 1 << 26  # bytes of missing pages filled so; no message reaches farther
+_SPARSE = 2  # ids of which more than half is missing count nothing
+_COUNT = re.compile(r"^( *)message_count: ([1-9]\d{0,17})\s*$", re.MULTILINE)
+_IDS = "ids count"
 _FARTHEST = 1 << 62  # ids above this are not looked for
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Db3File:
-    """A rosbag2 SQLite file, messages in the order of their ids (as they were written)."""
+    """A rosbag2 SQLite file, messages in the order of their ids (as they were written).
+
+    ``counted`` messages stand in it, says what describes its folder, if anything does.
+    """
 
     source: str
     path: Path
+    counted: int | None = None
 
-    def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
+    def items(self, wish: Wish = EVERYTHING) -> Iterator[Item]:
         """Channels, messages and damage in file order (see ``Container``)."""
         report = Report(self.source)
         missing = missing_bytes(self.path)
@@ -50,7 +60,7 @@ class Db3File:
         with _readable(self.path, missing) as (path, immutable):
             uri = f"{path.absolute().as_uri()}?{'immutable=1&' if immutable else ''}mode={'ro' if immutable else 'rw'}"
             with contextlib.closing(sqlite3.connect(uri, uri=True)) as database:
-                yield from _Pass(database, WatchedChannels(wanted), report).run()
+                yield from _Pass(database, WatchedChannels(wish), report, self.counted).run()
         yield FileFacts(self.source, "rosbag2 database", not missing and not journals(self.path), "no")
 
 
@@ -62,8 +72,10 @@ class _Pass:
     database: sqlite3.Connection
     channels: WatchedChannels
     report: Report
+    counted: int | None
     last_id: int = -_FARTHEST  # last message read
     last_ns: int | None = None
+    first_id: int | None = None
     rows_read: int = 0
     odd: int = 0  # rows whose columns have the wrong types
 
@@ -75,21 +87,48 @@ class _Pass:
             self.check_tables()
             yield from self.recorded_channels()
         except (sqlite3.Error, ValueError) as error:
-            yield self.report.lost(0, f"cannot be read as a rosbag2 database ({error})")
+            yield self.report.lost(0, f"cannot be read as a rosbag2 database ({error})", self.described())
             return
         yield from self.messages()
         yield from self.channels.report()
         if self.odd:
             yield self.report.lost(0, "rows without a topic, a time or data", self.odd)
-        yield from self.report.totals(0, self.rows_read, self.indexed(), 0)
+        declared, by = yield from self.declared()
+        yield from self.report.totals(0, self.rows_read - self.odd, declared, by, least=by == _IDS)
+
+    def declared(self) -> Generator[Damage, None, tuple[int, str]]:
+        """Messages that there should be, and what says so: the index over times, a description, or else the ids.
+
+        Rows that were deleted are in no index. So only where something is damaged is the greater number believed.
+        """
+        indexed, described = None, self.described()
+        try:
+            indexed = self.indexed()
+        except sqlite3.DatabaseError:
+            yield self.report.lost(0, "the index over times is damaged")
+        if indexed is not None and (described is None or indexed >= described or not self.report.hurt):
+            return indexed, "file counts"
+        if described is not None:
+            return described, "file is described with"
+        span = 0 if self.first_id is None else self.last_id - self.first_id + 1
+        return (span if span <= _SPARSE * self.rows_read else self.rows_read), _IDS
+
+    def described(self) -> int | None:
+        """Messages that the file's own description counts (since Iron), or that of its folder."""
+        with contextlib.suppress(sqlite3.Error, TypeError):
+            if self.is_plain("metadata"):
+                query = "SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1"
+                found = _COUNT.findall(str(self.database.execute(query).fetchone()[0]))
+                if found:
+                    return int(min(found)[1])  # the least indented one, not that of a topic
+        return self.counted
 
     def indexed(self) -> int | None:
-        """Messages that the index over their times counts, None where there is no such index."""
-        try:
-            query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx"
-            return int(self.database.execute(query).fetchone()[0])
-        except sqlite3.Error:
+        """Messages that the index over their times counts, None where there is no such index; sqlite3.DatabaseError."""
+        if not self.database.execute("SELECT 1 FROM sqlite_master WHERE name = 'timestamp_idx'").fetchone():
             return None
+        query = "SELECT count(*) FROM messages INDEXED BY timestamp_idx"
+        return int(self.database.execute(query).fetchone()[0])
 
     def harden(self) -> None:
         """Take the database for hostile: no functions from its schema, no blob larger than a chunk may be."""
@@ -153,6 +192,8 @@ class _Pass:
             if number <= self.last_id:
                 raise sqlite3.DatabaseError("a page is its own successor")
             self.last_id = number
+            if self.first_id is None:
+                self.first_id = number
             self.rows_read += 1
             watched = channels.get(topic)
             if (

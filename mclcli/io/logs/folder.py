@@ -15,6 +15,18 @@ _METADATA_LIMIT = 1 << 24  # bytes of metadata.yaml that are looked at
 _KINDS = (".mcap", ".db3", ".bag", ".active")
 
 
+def counts_of(folder: Path) -> dict[str, int]:
+    """Messages that metadata.yaml counts in each file, by the file's base name; nothing where it does not say."""
+    text = _metadata(folder)
+    block = re.search(r"^ *files: *\r?\n((?: *- .*\n(?: +[^-\s].*\n)*)+)", text, re.MULTILINE)
+    counts: dict[str, int] = {}
+    for entry in re.split(r"^ *- ", block[1], flags=re.MULTILINE) if block else []:
+        path, count = (re.search(rf"^ *{key}: *(.*?)\s*$", entry, re.MULTILINE) for key in ("path", "message_count"))
+        if path and count and count[1].isdecimal():
+            counts[path[1].strip("\"'").rpartition("/")[2].removesuffix(".zstd")] = int(count[1][:18])
+    return counts
+
+
 def files_of(folder: Path) -> tuple[list[Path], list[Damage]]:
     """Files of a rosbag2 folder in recorded order, and a Damage for each that its metadata.yaml names in vain.
 
@@ -36,14 +48,19 @@ def _listed(folder: Path) -> list[str]:
     rosbag2 writes that list one entry a line; anything else counts as no list, and the file names decide. So nothing
     of a YAML file has to be built from a log that may be hostile.
     """
-    path = folder / "metadata.yaml"
-    if not path.is_file():
-        return []
-    with path.open("rb") as stream:
-        text = stream.read(_METADATA_LIMIT).decode("utf-8", "replace")
+    text = _metadata(folder)
     block = re.search(r"^ *relative_file_paths: *\r?\n((?: *- +\S.*\n?)+)", text, re.MULTILINE)
     entries = re.findall(r"^ *- +(.*?)\s*$", block[1], re.MULTILINE) if block else []
     return [entry.strip("\"'") for entry in entries]
+
+
+def _metadata(folder: Path) -> str:
+    """Text of metadata.yaml, '' without one."""
+    path = folder / "metadata.yaml"
+    if not path.is_file():
+        return ""
+    with path.open("rb") as stream:
+        return stream.read(_METADATA_LIMIT).decode("utf-8", "replace")
 
 
 def _locate(folder: Path, name: str) -> Path | None:

@@ -19,6 +19,8 @@ CHUNK_LIMIT = 1 << 28
 """Largest chunk that is inflated [bytes]."""
 RECORD_LIMIT = CHUNK_LIMIT + (1 << 16)
 """Largest record that is taken into memory [bytes]."""
+ZSTD = b"\x28\xb5\x2f\xfd"
+"""What a zstd frame begins with."""
 _STEP = 1 << 16
 
 
@@ -59,6 +61,22 @@ def inflate(data: Bytes, compression: str, size: int, budget: Budget) -> Bytes:
         plain = _codec(compression)(data, size + 1)
     if len(plain) != size:
         raise CorruptError(f"declares {size} bytes and holds {'more' if len(plain) > size else len(plain)}")
+    return plain
+
+
+def inflate_frame(data: Bytes, budget: Budget) -> bytes:
+    """Decompress one zstd frame, no larger than a chunk may be; CorruptError if it is damaged or too large."""
+    import zstandard
+
+    try:
+        size = zstandard.get_frame_parameters(data).content_size
+    except zstandard.ZstdError as error:
+        raise CorruptError("does not decompress") from error
+    known = size not in {0, zstandard.CONTENTSIZE_UNKNOWN}
+    budget.spend(len(data), min(size, CHUNK_LIMIT) if known else 0)
+    plain = _zstd(data, CHUNK_LIMIT + 1)
+    if len(plain) > CHUNK_LIMIT or not plain or (known and len(plain) != size):
+        raise CorruptError("does not hold what it declares")
     return plain
 
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError
-from mclcli.io.logs.base import Channel, Damage, FileFacts, PassedOver, RawMessage
+from mclcli.io.logs.base import Channel, Damage, FileFacts, PassedOver, RawMessage, Wish
+from mclcli.io.logs.inflate import ZSTD, Budget, CorruptError, inflate_frame
 from mclcli.io.logs.merge import merge
 from mclcli.io.logs.reorder import reorder
 
@@ -16,12 +17,15 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from mclcli.io.logs.base import Container, Tally
+    from mclcli.io.logs.base import Beside, Container, Guess, Tally
 
 NOT_WANTED = "not needed"
 """Reason under which messages of topics that nobody asked for are counted as skipped."""
+PACKED = "compressed (zstd), and cannot be decompressed"
+"""Reason under which compressed messages are counted that are damaged."""
 LATE = "came over 1 s late; kept in file order"
 """Note under which messages are counted that the reordering could not put in their place."""
+_FIRST = ZSTD[:1]  # compared first: it is the same object every time
 _WARNINGS = 20  # damages told one by one
 
 
@@ -45,22 +49,31 @@ class Log:
         return tuple(container.source for container in self.containers)
 
     def messages(
-        self, wanted_topics: frozenset[str] | None, tally: Tally, *, strict: bool = False, announce: bool = True
+        self,
+        wanted_topics: frozenset[str] | None,
+        tally: Tally,
+        *,
+        strict: bool = False,
+        announce: bool = True,
+        beside: Callable[[Beside], None] | None = None,
+        guess: Guess | None = None,
     ) -> Iterator[RawMessage]:
         """Messages of the wanted topics (None: of all), from the start, in order of log time, ties in file order.
 
         ``tally`` is filled meanwhile, and each damage is warned of unless ``announce`` is off (a second reading).
+        ``beside`` is given what stands beside the messages, where it comes; ``guess`` names channels of which the
+        file says nothing (see ``Wish``). Messages that rosbag2 compressed one by one are unpacked.
         Raises InputError at the first damage if ``strict``, when the file cannot be read at all, and when a stream is
         read a second time.
         """
-        wanted = None if wanted_topics is None else _in(wanted_topics)
-        intake = _Intake(tally, strict, announce)
+        wish = Wish(None if wanted_topics is None else _in(wanted_topics), beside is not None, guess)
+        intake = _Intake(tally, strict, announce, beside)
         for damage in self.missing:
             intake.damage(damage)
         read = tally.read
         for message in merge(
             self.containers,
-            lambda container: reorder(intake.messages(container, wanted), intake.late),
+            lambda container: reorder(intake.messages(container, wish), intake.late),
             seekable=self.seekable,
         ):
             topic = message.channel.topic
@@ -93,29 +106,51 @@ class _Intake:
     tally: Tally
     strict: bool
     announce: bool
+    beside: Callable[[Beside], None] | None
     told_late: bool = False
     channels: set[Channel] = field(default_factory=set)
 
-    def messages(self, container: Container, wanted: Callable[[Channel], bool] | None) -> Iterator[RawMessage]:
+    def messages(self, container: Container, wish: Wish) -> Iterator[RawMessage]:
         """Messages of one container."""
-        tally = self.tally
+        tally, budget = self.tally, Budget()
         try:
-            for item in container.items(wanted):
+            for item in container.items(wish):
                 if isinstance(item, RawMessage):
                     tally.saw(item.log_time_ns, item.log_time_ns)
-                    yield item
-                elif isinstance(item, PassedOver):
-                    tally.saw(item.first_ns, item.last_ns)
-                    tally.skip(item.channel.topic, NOT_WANTED, item.messages)
-                elif isinstance(item, Damage):
-                    self.damage(item)
-                elif isinstance(item, FileFacts):
-                    tally.files.append(item)
-                elif item not in self.channels:
-                    self.channels.add(item)
-                    tally.channels.append(item)
+                    if item.data[:1] == _FIRST and item.data[:4] == ZSTD and item.channel.encoding == "cdr":
+                        yield from self.unpack(item, budget)
+                    else:
+                        yield item
+                else:
+                    self.other(item)
         except OSError as error:
             raise unreadable(container.source, error) from error
+
+    def other(self, item: Channel | PassedOver | Damage | FileFacts | Beside) -> None:
+        """Take in what is no message."""
+        if isinstance(item, PassedOver):
+            self.tally.saw(item.first_ns, item.last_ns)
+            self.tally.skip(item.channel.topic, NOT_WANTED, item.messages)
+        elif isinstance(item, Damage):
+            self.damage(item)
+        elif isinstance(item, FileFacts):
+            self.tally.files.append(item)
+        elif not isinstance(item, Channel):
+            if self.beside is not None:
+                self.beside(item)
+        elif item not in self.channels:
+            self.channels.add(item)
+            self.tally.channels.append(item)
+
+    def unpack(self, message: RawMessage, budget: Budget) -> Iterator[RawMessage]:
+        """Undo rosbag2's compression of single messages: no CDR message begins like a zstd frame."""
+        try:
+            yield message._replace(data=inflate_frame(message.data, budget))
+        except CorruptError:
+            topic = message.channel.topic
+            self.tally.undecodable += 1
+            if self.tally.skip(topic, PACKED) == 1 and self.announce:
+                logging.getLogger("mclcli").warning("%s: messages are skipped: %s", topic, PACKED)
 
     def damage(self, damage: Damage) -> None:
         """Count, and warn or stop."""

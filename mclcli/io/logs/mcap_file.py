@@ -9,19 +9,24 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from itertools import chain
 from typing import TYPE_CHECKING, cast, final
 
 from mclcli.io.logs import mcap_records as rec
-from mclcli.io.logs.base import LARGE, Damage, FileFacts, Item, RawMessage
+from mclcli.io.logs import mcap_search as search
+from mclcli.io.logs.base import EVERYTHING, Damage, FileFacts, Heading, Item, Wish
 from mclcli.io.logs.channels import WatchedChannels
+from mclcli.io.logs.holding import hold
 from mclcli.io.logs.inflate import CHUNK_LIMIT, RECORD_LIMIT, Budget, CorruptError, inflate, inflate_start
-from mclcli.io.logs.report import CUT, RESUMES, UNCLOSED, Report
+from mclcli.io.logs.inventory import Inventory
+from mclcli.io.logs.mcap_contents import Contents, Definitions
+from mclcli.io.logs.report import CUT, RESUMES, Report
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator
 
-    from mclcli.io.logs.base import Channel, Recorded
+    from mclcli.io.logs.holding import Nameless
     from mclcli.io.logs.source import ByteSource
 
 
@@ -33,10 +38,10 @@ class McapFile:
     source: str
     start: Callable[[], ByteSource]
 
-    def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
+    def items(self, wish: Wish = EVERYTHING) -> Iterator[Item]:
         """Channels, messages and damage in file order (see ``Container``)."""
         with self.start() as src:
-            yield from _Pass(self, src, WatchedChannels(wanted), Report(self.source)).run()
+            yield from _Pass(self, src, WatchedChannels(wish, src.size is None), Report(self.source)).run()
 
 
 @final
@@ -48,23 +53,39 @@ class _Pass:
     src: ByteSource
     channels: WatchedChannels
     report: Report
-    schemas: dict[int, Recorded] = field(default_factory=dict)
+    contents: Contents = field(init=False)
     budget: Budget = field(default_factory=Budget)
-    messages: int = 0  # seen so far, wanted or not
-    declared: int | None = None  # messages that the file's own statistics count
-    last_ns: int | None = None
+    inventory: Inventory = field(default_factory=Inventory)
+    last_span: tuple[int, int] | None = None  # log times of the chunk before
     loose: bool = False  # messages stand outside chunks
+    chunked: bool = False  # chunks were met
     data_ended: bool = False
     closed: bool = False
     data_checked: bool = False  # the data section as a whole has a checksum
     checked: int = 0  # chunks with a checksum of their own
     unchecked: int = 0
-    learned: bool = False
     resumes: int = 0
     safe_at: int = len(rec.MAGIC)  # nothing before this byte is searched after broken framing
 
+    def __post_init__(self) -> None:
+        """Search the file for definitions only where it can be read again, and not while that is done."""
+        again = self.src.size is not None and self.channels.wish is not DEFINITIONS
+        self.contents = Contents(self.channels, self.report, self.definitions if again else None)
+
     def run(self) -> Iterator[Item]:
-        """Yield everything."""
+        """Everything; messages pass through as few hands as possible."""
+        found = self.records_of_file()
+        items = hold(found, self.channels) if self.channels.later else cast("Iterator[Item]", found)
+        return chain(items, self.last_words())
+
+    def last_words(self) -> Iterator[Item]:
+        """What was passed over, what is missing, and what the file is."""
+        yield from self.channels.report()
+        yield from self.inventory.settle(self.src.offset, self.report, self.contents.messages, self.channels)
+        yield FileFacts(self.file.source, "MCAP", self.closed, self.checksums())
+
+    def records_of_file(self) -> Iterator[Item | Nameless]:
+        """Read one record after the other, and at last the chunks that only the index knows of."""
         self.src.skip(len(rec.MAGIC))
         going = True
         while going:
@@ -76,13 +97,11 @@ class _Pass:
             if len(head) < rec.RECORD.size:
                 going = False
                 yield self.end(at, whole=not head)
-            elif not self.plausible(kind, length):
+            elif not search.plausible(kind, length, self.src.left):
                 going = yield from self.broken(at, head, None)
             else:
                 going = yield from self.record(at, head, crc)
-        yield from self.channels.report()
-        yield from self.report.totals(self.src.offset, self.messages, self.declared, self.channels.nameless)
-        yield FileFacts(self.file.source, "MCAP", self.closed, self.checksums())
+        yield from self.passed_chunks()
 
     def checksums(self) -> str:
         """Whether the messages are covered by checksums."""
@@ -92,163 +111,212 @@ class _Pass:
             return "unknown"
         return "in part" if self.checked else "no"
 
-    def plausible(self, kind: int, length: int) -> bool:
-        """Whether a record could have this kind and length here."""
-        if length > self.src.left or length != rec.FIXED.get(kind, length):
-            return False
-        return kind in rec.KNOWN or kind >= 0x80
-
-    def record(self, at: int, head: bytes, crc: int) -> Generator[Item, None, bool]:
+    def record(self, at: int, head: bytes, crc: int) -> Generator[Item | Nameless, None, bool]:
         """Read one record's content and take it in."""
         kind, length = rec.RECORD.unpack(head)
-        taken = kind in rec.READ and length <= RECORD_LIMIT
-        body = self.src.read(length) if taken else b""
-        if len(body) < length and (taken or self.src.skip(length) < length):
+        taken = kind not in self.skipped() and length <= RECORD_LIMIT
+        body = self.src.read(length if taken else min(length, search.WINDOW))
+        if (
+            len(body) < min(length, search.WINDOW)
+            or (taken and len(body) < length)
+            or self.disguised(kind, length, body)
+        ):
             return (yield from self.broken(at, head, body))
+        if not taken and self.src.skip(length - len(body)) < length - len(body):
+            return (yield from self.broken(at, head, None))
         self.safe_at = at + 1
-        if kind in rec.READ and not taken:
+        if kind in rec.KNOWN and length > RECORD_LIMIT:
             yield self.report.too_large(at, length)
-            return True
-        if kind == rec.CHUNK:
+            if kind == rec.CHUNK and (chunk := rec.parse_chunk_head(body)) is not None:
+                self.inventory.meet(chunk.key(length))
+        elif kind == rec.CHUNK:
             yield from self.chunk(at, body)
         elif kind == rec.MESSAGE:
             self.loose = True
-            yield from self.records(head + body, at)
+            yield from self.contents.records(head + body, at)
         elif kind in {rec.SCHEMA, rec.CHANNEL}:
-            yield from self.define(kind, body)
-        else:
+            yield from self.contents.define(kind, body)
+        elif taken:
             yield from self.housekeeping(at, kind, head + body, crc)
         return bool(kind != rec.FOOTER)
 
+    def skipped(self) -> frozenset[int]:
+        """Kinds of records that are not read as a whole."""
+        return search.PASSED if self.channels.wish.beside else search.PASSED | {rec.ATTACHMENT}
+
+    def disguised(self, kind: int, length: int, start: bytes) -> bool:
+        """Whether a record is not what its kind says."""
+        if kind & 0x7F == rec.MESSAGE:
+            return self.contents.reads_as_message(kind, start)
+        return not search.fits(kind, length, start, self.src.left + len(start))
+
     def housekeeping(self, at: int, kind: int, record: bytes, crc: int) -> Iterator[Item]:
-        """Records about the records: indexes, statistics, checksums, the end."""
-        if kind == rec.MESSAGE_INDEX and self.report.bad_chunk is not None:
-            count = (self.report.bad_chunk.messages or 0) + rec.index_entries(record[9:])
-            self.report.bad_chunk = replace(self.report.bad_chunk, messages=count)
-        elif kind == rec.STATISTICS and len(record) >= 17:
-            (self.declared,) = struct.unpack_from("<Q", record, 9)
+        """Records about the records: indexes, statistics, checksums, the end; and what stands beside the messages."""
+        body = record[9:]
+        if kind == rec.MESSAGE_INDEX:
+            self.report.count_index(rec.index_entries(body), int.from_bytes(body[6:14], "little"), self.last_span)
+        elif kind == rec.CHUNK_INDEX and (index := rec.parse_chunk_index(body)) is not None:
+            self.inventory.listed[index.start] = index
+        elif kind == rec.STATISTICS:
+            (self.inventory.declared,) = struct.unpack_from("<Q", body)
         elif kind == rec.DATA_END:
-            (declared,) = struct.unpack_from("<I", record, 9)
+            (declared,) = struct.unpack_from("<I", body)
             if declared not in {0, crc} and self.src.crc_valid and not self.report.hurt:
-                yield self.report.lost(at, "data section fails its checksum; something outside its chunks was altered")
+                yield self.report.beyond(
+                    at, "data section fails its checksum; something outside its chunks was altered"
+                )
             self.data_checked = declared != 0
             self.data_ended, self.src.crc, self.src.crc_valid = True, 0, True
         elif kind == rec.FOOTER:
             yield from self.close(at, record, crc)
+        elif self.channels.wish.beside:
+            yield from self.beside(at, kind, body)
+
+    def beside(self, at: int, kind: int, body: bytes) -> Iterator[Item]:
+        """What stands beside the messages."""
+        if kind == rec.HEADER and (said := rec.parse_header(body)):
+            yield Heading(*said)
+        elif kind in {rec.ATTACHMENT, rec.METADATA}:
+            parsed = rec.parse_attachment(body) if kind == rec.ATTACHMENT else rec.parse_metadata(body)
+            what = "attachment" if kind == rec.ATTACHMENT else "metadata record"
+            yield parsed or self.report.lost(at, f"{what} at byte {at} is damaged and left out", 0)
 
     def close(self, at: int, footer: bytes, crc: int) -> Iterator[Item]:
         """Check what the footer says of the summary, and the mark at the end of the file."""
         self.closed = True
         (declared,) = struct.unpack_from("<I", footer, 25)
         if declared not in {0, zlib.crc32(footer[:25], crc)} and self.src.crc_valid and self.data_ended:
-            self.declared = None
+            self.inventory.forget()
             yield self.report.harmless(at, "summary fails its checksum and is not used")
         if self.src.read(len(rec.MAGIC)) != rec.MAGIC:
             yield self.report.harmless(at, "file lacks its closing mark")
         elif rest := self.src.read(len(rec.MAGIC)):
             end = self.src.offset - len(rest)
             if rest == rec.MAGIC:
-                yield self.report.lost(end, f"another log follows at byte {end}; it is not read, split the file there")
+                yield self.report.beyond(
+                    end, f"another log follows at byte {end}; it is not read, split the file there"
+                )
             else:
                 yield self.report.harmless(end, "bytes after the end of the log are ignored")
 
-    def define(self, kind: int, body: bytes) -> Iterator[Item]:
-        """Take in a schema or a channel; a malformed one shows when its messages come."""
-        if kind == rec.SCHEMA:
-            schema = rec.parse_schema(body)
-            if schema is not None:
-                self.schemas[schema[0]] = schema[1]
-        elif (channel := rec.parse_channel(body, self.schemas)) is not None and self.channels.add(*channel):
-            yield channel[1]
-
-    def chunk(self, at: int, body: bytes) -> Iterator[Item]:
+    def chunk(self, at: int, body: bytes) -> Iterator[Item | Nameless]:
         """Messages of one chunk, or nothing of it."""
         head = rec.parse_chunk_head(body)
+        self.chunked = True
         try:
             if head is None or head.data_at + head.data_length != len(body):
                 raise CorruptError("is malformed")  # noqa: TRY301 - every way to drop a chunk ends below
+            key = head.key(len(body))
+            self.inventory.meet(key)
             packed = memoryview(body)[head.data_at :]
             plain = inflate(packed, head.compression, head.size, self.budget)
-            self.checked, self.unchecked = self.checked + bool(head.crc), self.unchecked + (not head.crc)
             if head.crc and zlib.crc32(plain) != head.crc:
                 raise CorruptError("fails its checksum")  # noqa: TRY301
         except CorruptError as error:
-            span = (head.first_ns, head.last_ns) if head and head.first_ns <= head.last_ns else (None, None)
-            self.report.bad_chunk = self.report.lost(at, f"chunk at byte {at} {error}", None, *span)
-        else:
-            in_place = plain is packed
-            yield from self.records(body if in_place else bytes(plain), at, head.data_at if in_place else 0)
-            self.safe_at = self.src.offset
+            self.drop(at, body, head, str(error))
+            return
+        self.checked, self.unchecked = self.checked + bool(head.crc), self.unchecked + (not head.crc)
+        first = self.inventory.original(key, body, at)
+        if first is not None:
+            yield self.report.lost(at, f"chunk at byte {at} repeats the one at byte {first}; the copy is left out", 0)
+            return
+        in_place = plain is packed
+        self.last_span = head.first_ns, head.last_ns
+        records = body if in_place else bytes(plain)
+        stop = yield from self.contents.unbroken(records, head.data_at if in_place else 0)
+        self.safe_at = at + 1 if in_place and not head.crc else self.src.offset
+        if stop < len(records):
+            inside = self.look_within(at, records, stop) if in_place else None
+            yield from self.contents.mended(records[:inside], at, stop)
 
-    def records(self, plain: bytes, at: int, pos: int = 0, *, cut: bool = False) -> Iterator[Item]:
-        """Messages of a run of records from ``pos`` on, and what is wrong with it; ``cut``: it may end anywhere."""
-        end, count, channels = len(plain), 0, self.channels.by_number
-        while pos + 9 <= end:
-            kind, length = rec.RECORD.unpack_from(plain, pos)
-            stop = pos + 9 + length
-            if stop > end or length < rec.SHORTEST.get(kind, stop):
-                break
-            if kind == rec.MESSAGE:
-                number, _, stamp, published = rec.MESSAGE_HEAD.unpack_from(plain, pos + 9)
-                if number not in channels:
-                    yield from self.learn()
-                count += 1
-                watched = channels.get(number)
-                if watched is None:
-                    self.channels.nameless += 1
-                elif watched.wanted:
-                    data = (
-                        plain[pos + 31 : stop] if length < LARGE else cast("bytes", memoryview(plain)[pos + 31 : stop])
-                    )
-                    yield RawMessage(watched.channel, stamp, data, published)
-                else:
-                    watched.pass_over(stamp)
-                    if not self.channels.reported:
-                        yield from self.channels.report()
-                self.last_ns = stamp
-            elif kind in {rec.SCHEMA, rec.CHANNEL}:
-                yield from self.define(kind, plain[pos + 9 : stop])
-            pos = stop
-        self.messages += count
-        if pos < end and not cut:
-            yield self.report.lost(at, f"records at byte {at} are broken inside; the rest of them is skipped")
+    def drop(self, at: int, body: bytes, head: rec.ChunkHead | None, error: str) -> None:
+        """Say that a chunk cannot be used, and go on at the chunk that its length has swallowed, if there is one."""
+        span = (head.first_ns, head.last_ns) if head and head.first_ns <= head.last_ns else (None, None)
+        self.report.bad_chunk = self.report.lost(at, f"chunk at byte {at} {error}", None, *span)
+        self.look_within(at, body, 0)
 
-    def learn(self) -> Iterator[Item]:
-        """Take the channels that the summary repeats, once, where the records that defined them were lost."""
-        if not self.learned and self.src.size is not None:
-            with self.file.start() as src:
-                summary = rec.read_summary(src)
-            for number, channel in rec.parse_definitions(summary):
-                if number not in self.channels.by_number and self.channels.add(number, channel):
-                    yield channel
-        self.learned = True
+    def look_within(self, at: int, body: bytes, start: int) -> int | None:
+        """Go on at the chunk that a damaged one has swallowed behind ``start``; returns where, None if there is none.
 
-    def broken(self, at: int, head: bytes, body: bytes | None) -> Generator[Item, None, bool]:
+        One that begins in it and ends behind it is searched from the start, once framing breaks.
+        """
+        inside = search.chunk_within(body[start:], len(body) - start + self.src.left)
+        self.safe_at = at + 1
+        if inside is None:
+            return None
+        self.src.unread(body[start + inside :])
+        self.safe_at = self.src.offset
+        return start + inside
+
+    def definitions(self) -> Definitions:
+        """Schemas and channels that stand anywhere in the file."""
+        with self.file.start() as src:
+            whole = _Pass(self.file, src, WatchedChannels(DEFINITIONS), Report(self.file.source))
+            for _ in whole.run():
+                pass
+        found = {number: watched.channel for number, watched in whole.channels.by_number.items()}
+        return Definitions(whole.contents.schemas, found)
+
+    def passed_chunks(self) -> Iterator[Item | Nameless]:
+        """Chunks that the index names, that are where it says, and that were not met on the way."""
+        if self.src.size is None:
+            return
+        for index in sorted(self.inventory.missing(), key=lambda index: index.start):
+            length = index.key[2]
+            if not len(rec.MAGIC) <= index.start <= self.src.size - length or length > RECORD_LIMIT:
+                continue
+            self.src.go_to(index.start)
+            body = self.src.read(length)[rec.RECORD.size :]
+            head = rec.parse_chunk_head(body)
+            if head is not None and head.key(len(body)) == index.key:
+                before = self.contents.messages
+                yield from self.chunk(index.start, body)
+                yield from self.report.flush()
+                yield from self.report.regained(index.start, self.contents.messages - before)
+        self.src.go_to(self.src.size)
+
+    def broken(self, at: int, head: bytes, body: bytes | None) -> Generator[Item | Nameless, None, bool]:
         """Framing is wrong at byte ``at``: find the next record that makes sense, or see the file as cut there."""
-        if self.data_ended:
-            self.declared = None
-            yield self.report.harmless(at, f"summary is damaged at byte {at}, or cut; it is not needed")
-            return False
         self.src.unread(head[1:] + (body or b""))
         if rec.RECORD.unpack(head)[0] not in rec.KNOWN:
             self.src.go_to(self.safe_at)
         if self.resumes < RESUMES and self.search():
             self.resumes += 1
-            next_chunk = rec.peek_chunk(self.src)
-            span = (self.last_ns, next_chunk.first_ns) if next_chunk and self.last_ns is not None else (None, None)
+            next_chunk = search.peek_chunk(self.src)
+            last_ns = self.contents.last_ns
+            span = (last_ns, next_chunk.first_ns) if next_chunk and last_ns is not None else (None, None)
+            self.report.apart = self.report.apart or self.loose or self.unchecked > 0
             what = f"framing is broken at byte {at}; read on from byte {self.src.offset}"
-            yield self.report.lost(at, what, None, *span)
+            self.report.bad_chunk = self.report.lost(at, what, None, *span)
             return True
+        if self.data_ended:
+            self.inventory.forget()
+            yield self.report.harmless(at, f"summary is damaged at byte {at}, or cut; it is not needed")
+            return False
         yield from self.cut(at, head, body)
         return False
 
     def search(self) -> bool:
-        """Go to the next chunk, or message where messages stand outside chunks."""
-        if self.loose and self.channels.by_number:
-            return self.src.find(rec.messages_like(self.channels.by_number), rec.message_start)
-        return self.src.find(rec.CHUNK_START, rec.chunk_start)
+        """Go to the next record: of any kind before the data end, then to the next chunk."""
+        if self.data_ended:
+            return self.src.find(search.CHUNK_START, search.chunk_start)
+        test = search.record_start(
+            self.contents.last_ns,
+            frozenset(self.channels.by_number),
+            messages=not self.in_chunks(),
+            definitions=self.channels.wish is DEFINITIONS,
+        )
+        return self.src.find(search.RECORD_START, test)
 
-    def cut(self, at: int, head: bytes, body: bytes | None) -> Iterator[Item]:
+    def in_chunks(self) -> bool:
+        """Whether messages stand in chunks; a chunk that is still to come says so as well."""
+        if self.loose or self.chunked or self.src.size is None:
+            return self.chunked and not self.loose
+        with self.file.start() as src:
+            src.go_to(self.src.offset)
+            return src.find(search.CHUNK_START, search.chunk_start)
+
+    def cut(self, at: int, head: bytes, body: bytes | None) -> Iterator[Item | Nameless]:
         """Nothing follows a broken record: take what the beginning of a chunk gives."""
         kind, length = rec.RECORD.unpack(head)
         if kind not in rec.KNOWN or (body is None and self.src.size is None):
@@ -261,11 +329,11 @@ class _Pass:
         if chunk is None:
             yield self.report.lost(at, CUT)
             return
-        before = self.messages
+        before = self.contents.messages
         plain = inflate_start(body[chunk.data_at :], chunk.compression, chunk.size, self.budget)
-        yield from self.records(plain, at, cut=True)
-        recovered = self.messages - before
-        first = self.last_ns if recovered else chunk.first_ns
+        yield from self.contents.records(plain, at, cut=True)
+        recovered = self.contents.messages - before
+        first = self.contents.last_ns if recovered else chunk.first_ns
         what = f"{CUT}; {recovered} messages of its last chunk were recovered unverified" if recovered else CUT
         yield self.report.lost(at, what, None, first, chunk.last_ns)
 
@@ -273,4 +341,8 @@ class _Pass:
         """The file is over without a footer."""
         if self.data_ended:
             return self.report.harmless(at, "file ends within its summary; no message is lost")
-        return self.report.lost(at, UNCLOSED if whole else CUT)
+        return self.report.unclosed(at) if whole else self.report.lost(at, CUT)
+
+
+DEFINITIONS = Wish(lambda _: False)
+"""What a pass is asked for that looks for schemas and channels only."""

@@ -9,21 +9,15 @@ import re
 import struct
 import zlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import final
 
-from mclcli.io.logs.base import Channel, Recorded
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from mclcli.io.logs.source import ByteSource
+from mclcli.io.logs.base import Attachment, Channel, MetadataRecord, Recorded
 
 MAGIC = b"\x89MCAP0\r\n"
-FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, STATISTICS, DATA_END = 2, 3, 4, 5, 6, 7, 11, 15
+HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, CHUNK_INDEX = 1, 2, 3, 4, 5, 6, 7, 8
+ATTACHMENT, ATTACHMENT_INDEX, STATISTICS, METADATA, METADATA_INDEX, SUMMARY_OFFSET, DATA_END = 9, 10, 11, 12, 13, 14, 15
 KNOWN = frozenset(range(1, 16))
 """Record kinds of the specification; from 0x80 on they are private and passed over."""
-READ = frozenset({FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, STATISTICS, DATA_END})
-"""Record kinds whose contents are looked at; the others are passed over."""
 FIXED = {DATA_END: 4, FOOTER: 20}
 """Lengths that the specification fixes [bytes]."""
 RECORD = struct.Struct("<BQ")
@@ -32,12 +26,6 @@ MESSAGE_HEAD = struct.Struct("<HIqq")
 SHORTEST = {SCHEMA: 0, CHANNEL: 0, MESSAGE: MESSAGE_HEAD.size} | dict.fromkeys(range(0x80, 0x100), 0)
 """Records that may stand in a chunk, and the least length of each [bytes]."""
 CHUNK_HEAD = struct.Struct("<qqQI")
-_TAIL = struct.Struct("<BQQQI8s")
-_HEAD_LIMIT = 64  # bytes that hold the head of any chunk
-SUMMARY_LIMIT = 1 << 26
-"""Largest summary section that is looked into [bytes]."""
-CHUNK_START = re.compile(rb"\x06.{36}(?:\x00{4}|\x04\x00\x00\x00zstd|\x03\x00\x00\x00lz4)", re.DOTALL)
-"""What the start of a chunk record looks like, for finding one after broken framing."""
 
 
 @final
@@ -53,6 +41,23 @@ class ChunkHead:
     data_at: int
     data_length: int
 
+    def key(self, length: int) -> tuple[int, int, int, int]:
+        """What its index says as well, for a chunk whose content has a ``length``."""
+        return self.first_ns, self.last_ns, RECORD.size + length, self.size
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ChunkIndex:
+    """Where a chunk record starts, its ``key`` (log times [ns], length of the record, size inflated), its messages.
+
+    ``messages`` is None where the chunk has no message indexes.
+    """
+
+    start: int
+    key: tuple[int, int, int, int]
+    messages: int | None
+
 
 def parse_chunk_head(content: bytes) -> ChunkHead | None:
     """Fields of a chunk record from its content (or the beginning of it), None if they are not all there."""
@@ -63,23 +68,6 @@ def parse_chunk_head(content: bytes) -> ChunkHead | None:
     except (struct.error, ValueError):
         return None
     return ChunkHead(first, last, size, crc, compression, at + 8, length)
-
-
-def chunk_start(match: re.Match[bytes], left: int) -> int | None:
-    """Position of a chunk record in the window that was searched, if the match is one: its two lengths agree."""
-    begin, window = match.start(), match.string
-    (length,) = struct.unpack_from("<Q", window, begin + 1)
-    head = parse_chunk_head(window[begin + 9 : begin + 9 + _HEAD_LIMIT])
-    if head is None or length != head.data_at + head.data_length or begin + 9 + length > left:
-        return None
-    return begin
-
-
-def peek_chunk(src: ByteSource) -> ChunkHead | None:
-    """Head of the chunk record that comes next, if one does."""
-    ahead = src.read(RECORD.size + _HEAD_LIMIT)
-    src.unread(ahead)
-    return parse_chunk_head(ahead[RECORD.size :]) if ahead[:1] == bytes([CHUNK]) else None
 
 
 def parse_schema(content: bytes) -> tuple[int, Recorded] | None:
@@ -126,57 +114,58 @@ def is_latched(qos: str) -> bool:
     return re.search(r"durability:\s*(1|transient_local)\b", qos) is not None
 
 
+def parse_chunk_index(content: bytes) -> ChunkIndex | None:
+    """What a chunk index record says; None if it is malformed."""
+    try:
+        first, last, start, length, offsets = struct.unpack_from("<qqQQI", content)
+        (indexes,) = struct.unpack_from("<Q", content, 36 + offsets)
+        _, at = _text(content, 44 + offsets)
+        _, size = struct.unpack_from("<QQ", content, at)
+    except (struct.error, ValueError):
+        return None
+    messages = (indexes - 15 * (offsets // 10)) // 16 if indexes else None
+    return ChunkIndex(start, (first, last, length, size), messages)
+
+
+def parse_header(content: bytes) -> tuple[str, str] | None:
+    """Profile and library of a header record; None if it is malformed."""
+    try:
+        profile, at = _text(content, 0)
+        return profile, _text(content, at)[0]
+    except (struct.error, ValueError):
+        return None
+
+
+def parse_attachment(content: bytes) -> Attachment | None:
+    """A file within the file; None if it is malformed or fails its checksum."""
+    try:
+        log_ns, created_ns = struct.unpack_from("<qq", content)
+        name, at = _text(content, 16)
+        media, at = _text(content, at)
+        (length,) = struct.unpack_from("<Q", content, at)
+        (crc,) = struct.unpack_from("<I", content, at + 8 + length)
+    except (struct.error, ValueError, OverflowError):
+        return None
+    if crc and zlib.crc32(memoryview(content)[: at + 8 + length]) != crc:
+        return None
+    return Attachment(name, media, log_ns, created_ns, content[at + 8 : at + 8 + length])
+
+
+def parse_metadata(content: bytes) -> MetadataRecord | None:
+    """Pairs of texts under a name; None if they are malformed."""
+    try:
+        name, at = _text(content, 0)
+        return MetadataRecord(name, tuple(_text_map(content, at).items()))
+    except (struct.error, ValueError):
+        return None
+
+
 def index_entries(content: bytes) -> int:
     """Messages that a message index record lists; 0 if it is malformed."""
     if len(content) < 6:
         return 0
     (length,) = struct.unpack_from("<I", content, 2)
     return int(min(length, len(content) - 6)) // 16
-
-
-def messages_like(numbers: Iterable[int]) -> re.Pattern[bytes]:
-    """What the start of a message record of one of these channels looks like, below 16 MiB."""
-    channels = b"|".join(re.escape(struct.pack("<H", number)) for number in numbers)
-    return re.compile(rb"\x05...\x00{5}(?:" + channels + rb")", re.DOTALL)
-
-
-def message_start(match: re.Match[bytes], left: int) -> int | None:
-    """Position of a message record in the window that was searched, if the match is one: another record follows it."""
-    begin, window = match.start(), match.string
-    (length,) = struct.unpack_from("<Q", window, begin + 1)
-    after = begin + 9 + length
-    if length < MESSAGE_HEAD.size or after + 9 > min(left, len(window)):
-        return None
-    kind, length = RECORD.unpack_from(window, after)
-    return begin if kind in KNOWN and after + 9 + length <= left else None
-
-
-def read_summary(src: ByteSource) -> bytes:
-    """Records of the summary section of a closed file, verified; b'' where there is none or it is damaged."""
-    if src.size is None or src.size < _TAIL.size + len(MAGIC):
-        return b""
-    src.go_to(src.size - _TAIL.size)
-    kind, length, start, _, crc, magic = _TAIL.unpack(src.read(_TAIL.size))
-    stop = src.size - _TAIL.size
-    if (kind, length, magic) != (FOOTER, 20, MAGIC) or not stop - SUMMARY_LIMIT <= start < stop or start == 0:
-        return b""
-    src.go_to(start)
-    summary = src.read(stop - start + 25)
-    return summary[:-25] if crc in {0, zlib.crc32(summary)} else b""
-
-
-def parse_definitions(records: bytes) -> Iterator[tuple[int, Channel]]:
-    """Channels described by a run of records."""
-    schemas: dict[int, Recorded] = {}
-    at = 0
-    while at + RECORD.size <= len(records):
-        kind, length = RECORD.unpack_from(records, at)
-        content = records[at + 9 : at + 9 + length]
-        at += 9 + length
-        if kind == SCHEMA and (schema := parse_schema(content)):
-            schemas[schema[0]] = schema[1]
-        elif kind == CHANNEL and (channel := parse_channel(content, schemas)):
-            yield channel
 
 
 def _bytes(content: bytes, at: int) -> tuple[bytes, int]:

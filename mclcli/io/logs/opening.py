@@ -37,27 +37,32 @@ def open_log(paths: Sequence[Path | str], *, stdin: BinaryIO | None = None) -> L
 def _open_files(paths: list[Path]) -> Log:
     files: list[Path] = []
     missing: list[Damage] = []
+    counts: dict[Path, int] = {}
     for path in paths:
         if not path.exists():
             raise UsageError(f"{path}: no such file; check the name")
         if path.is_dir():
-            from mclcli.io.logs.folder import files_of
+            from mclcli.io.logs.folder import counts_of, files_of
 
             found, gone = files_of(path)
             files += found
             missing += gone
+            counts |= {file: count for file in found if (count := counts_of(path).get(file.name.removesuffix(".zstd")))}
         else:
             files.append(path)
     seekable = all(path.is_file() for path in files)
-    containers = tuple(_file(path) if path.is_file() else _stream(path.name, path.open("rb")) for path in files)
+    containers = tuple(
+        _file(path, counts.get(path)) if path.is_file() else _stream(path.name, path.open("rb")) for path in files
+    )
     return Log(containers, tuple(files), seekable, tuple(missing))
 
 
-def _file(path: Path) -> Container:
+def _file(path: Path, counted: int | None) -> Container:
+    """Container for a file; ``counted`` messages stand in it, says its folder's metadata.yaml, if that says so."""
     with path.open("rb") as stream:
         kind = kind_of(stream.read(HEAD), path.name)
     if kind != "zstd":
-        return _container(kind, path.name, path)
+        return _container(kind, path.name, path, counted)
     from mclcli.io.logs.zstd_file import ZstdFile, first_bytes
 
     head = first_bytes(path, HEAD)
@@ -66,16 +71,16 @@ def _file(path: Path) -> Container:
     inner = kind_of(head, path.name)
     if inner == "zstd":
         raise InputError(f"{path.name}: is compressed twice; unpack it first")
-    return ZstdFile(path.name, path, lambda plain: _container(inner, path.name, plain))
+    return ZstdFile(path.name, path, lambda plain: _container(inner, path.name, plain, counted))
 
 
-def _container(kind: str, name: str, path: Path) -> Container:
+def _container(kind: str, name: str, path: Path, counted: int | None) -> Container:
     from mclcli.io.logs.source import open_source
 
     if kind == "db3":
         from mclcli.io.logs.db3_file import Db3File
 
-        return Db3File(name, path)
+        return Db3File(name, path, counted)
     return _framed(kind, name, lambda: open_source(path))
 
 

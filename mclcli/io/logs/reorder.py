@@ -13,7 +13,9 @@ if TYPE_CHECKING:
 HORIZON_NS = 1_000_000_000
 """How much log time is held back."""
 HELD_LIMIT = 1 << 26
-"""How many bytes are held back at most."""
+"""How many bytes are held back at most, with what each message takes beside its data."""
+OVERHEAD = 400
+"""Bytes that a message takes in memory beside its data, about."""
 
 
 def reorder(
@@ -21,8 +23,8 @@ def reorder(
 ) -> Iterator[RawMessage]:
     """Messages in order of log time, ties in file order.
 
-    A message is held until one ``horizon_ns`` younger has come (or until 64 MiB are held). One that comes later than
-    that is passed on where it stands, after ``late`` was told of it.
+    A message is held until one ``horizon_ns`` younger has come (or until 64 MiB are held, which is 160,000 tiny ones).
+    One that comes later than that is passed on where it stands, after ``late`` was told of it.
     """
     held: list[tuple[int, int, RawMessage]] = []
     newest = passed = -(1 << 63)
@@ -34,11 +36,11 @@ def reorder(
             yield message
             continue
         heapq.heappush(held, (stamp, order, message))
-        held_bytes += len(message.data)
+        held_bytes += len(message.data) + OVERHEAD
         newest = max(newest, stamp)
         while held and (held[0][0] <= newest - horizon_ns or held_bytes > HELD_LIMIT):
             passed, _, first = heapq.heappop(held)
-            held_bytes -= len(first.data)
+            held_bytes -= len(first.data) + OVERHEAD
             yield first
     while held:
         yield heapq.heappop(held)[2]

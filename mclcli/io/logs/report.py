@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, final
 
 from mclcli.io.logs.base import Damage
@@ -11,8 +11,11 @@ from mclcli.io.logs.inflate import RECORD_LIMIT
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from mclcli.io.logs.channels import WatchedChannels
+
 CUT = "file ends in the middle of a record; it was not closed"
 UNCLOSED = "file was not closed; every message in it was read, what should have followed is unknown"
+UNCLOSED_HURT = "file was not closed; what should have followed is unknown"
 RESUMES = 1000
 """Times that reading is taken up again after broken framing."""
 
@@ -29,6 +32,7 @@ class Report:
     hurt: bool = False
     counted: int = 0
     uncounted: int = 0
+    apart: bool = False  # something may be wrong that no count of messages can settle
     bad_chunk: Damage | None = None  # a dropped chunk, waiting for its indexes to tell what was in it
 
     def lost(
@@ -38,6 +42,11 @@ class Report:
         self.hurt = True
         self._count(messages)
         return Damage(self.source, at, what, messages, first, last)
+
+    def beyond(self, at: int, what: str) -> Damage:
+        """Damage to what the file's own counts of messages do not cover."""
+        self.apart = True
+        return self.lost(at, what)
 
     def _count(self, messages: int | None) -> None:
         self.counted += messages or 0
@@ -51,6 +60,18 @@ class Report:
         """A record that is passed over because it would fill the memory."""
         return self.lost(at, f"record at byte {at} has {size >> 20} MiB, more than {RECORD_LIMIT >> 20}; it is skipped")
 
+    def count_index(self, messages: int, first_ns: int, before: tuple[int, int] | None) -> None:
+        """Count the ``messages`` of a chunk that was dropped by an index that follows it.
+
+        An index whose ``first_ns`` lies between the times of the chunk ``before``, which was read, is of that one.
+        """
+        lost = self.bad_chunk
+        if lost is None or not messages:
+            return
+        if lost.first_ns is None and before is not None and before[0] <= first_ns <= before[1]:
+            return
+        self.bad_chunk = replace(lost, messages=(lost.messages or 0) + messages)
+
     def flush(self) -> Iterator[Damage]:
         """Hand out the chunk that was waiting, if one was."""
         if self.bad_chunk is not None:
@@ -60,15 +81,35 @@ class Report:
             yield self.bad_chunk
         self.bad_chunk = None
 
-    def totals(self, at: int, found: int, declared: int | None, nameless: int) -> Iterator[Damage]:
-        """Compare messages found with those the file states; ``nameless`` of them have a channel nobody describes."""
-        whole, more = not self.hurt, (declared or 0) - found - self.counted
-        if nameless:
-            yield self.lost(at, "messages of channels that nothing describes", nameless)
-        if declared is not None and declared != found and whole and not nameless:
-            what = f"file counts {declared} messages, but {found} were found"
-            yield self.lost(at, what, declared - found if declared > found else None)
-        elif more > 0 and not whole and not self.uncounted:
-            yield self.lost(
-                at, f"file counts {declared} messages, {more} more than were found or said to be lost", more
+    def regained(self, at: int, messages: int) -> Iterator[Damage]:
+        """Messages of the chunk at byte ``at`` that were said to be lost, and were read in the end."""
+        again = min(messages, self.counted)
+        if again:
+            self.counted -= again
+            yield replace(
+                self.harmless(at, f"chunk at byte {at} was found by the index and read after all"), messages=-again
             )
+
+    def unclosed(self, at: int) -> Damage:
+        """The file ends where a record would start, and nothing ends it."""
+        return self.lost(at, UNCLOSED_HURT if self.hurt else UNCLOSED)
+
+    def nameless(self, at: int, channels: WatchedChannels) -> Damage:
+        """Messages that were found, and that nothing describes."""
+        return self.lost(at, "messages of channels that nothing describes", channels.nameless)
+
+    def totals(self, at: int, found: int, declared: int, by: str, *, least: bool = False) -> Iterator[Damage]:
+        """Compare messages found with those ``declared``, ``by`` what; the last word where damages had no number.
+
+        ``least``: there may have been more than ``declared``, so that this settles nothing.
+        """
+        more = declared - found - self.counted
+        if not self.hurt and declared != found:
+            what = f"{by} {declared} messages, but {found} were found"
+            yield self.lost(at, what, declared - found if declared > found else None)
+        elif more > 0:
+            what = f"{by} {declared} messages, {more} more than were found or said to be lost"
+            yield replace(self.lost(at, what, more), in_all=not least and not self.apart)
+        elif self.uncounted and not self.apart and not least and declared == found + self.counted:
+            what = f"{by} {declared} messages, which is what was found and said to be lost"
+            yield replace(self.harmless(at, what), in_all=True)

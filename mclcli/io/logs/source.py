@@ -118,7 +118,7 @@ class ByteSource:
         return whole.getvalue()
 
 
-_OVERLAP = 512  # longer than any record header that is looked for
+_OVERLAP = 1 << 17  # bytes behind a place that may be needed to tell whether a record starts there
 
 
 def open_source(path: Path) -> ByteSource:

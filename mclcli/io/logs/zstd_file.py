@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, final
 
-from mclcli.io.logs.base import Damage, Item
+from mclcli.io.logs.base import EVERYTHING, Damage, Item, Wish
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from mclcli.io.logs.base import Channel, Container
+    from mclcli.io.logs.base import Container
 
 _STEP = 1 << 20
 
@@ -26,14 +26,14 @@ class ZstdFile:
     path: Path
     inner: Callable[[Path], Container]
 
-    def items(self, wanted: Callable[[Channel], bool] | None = None) -> Iterator[Item]:
+    def items(self, wish: Wish = EVERYTHING) -> Iterator[Item]:
         """Channels, messages and damage in file order (see ``Container``)."""
         with tempfile.TemporaryDirectory(prefix="mcl-") as folder:
             plain = Path(folder) / self.path.name.removesuffix(".zstd")
             wrong = _unpack(self.path, plain)
             if wrong:
                 yield Damage(self.source, 0, wrong)
-            yield from self.inner(plain).items(wanted)
+            yield from self.inner(plain).items(wish)
 
 
 def first_bytes(path: Path, count: int) -> bytes:

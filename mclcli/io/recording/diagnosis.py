@@ -81,7 +81,7 @@ class Diagnosis:
 
     def add(self, message: RawMessage) -> None:
         """Take one message in."""
-        channel, log_ns, data, _ = message
+        channel, log_ns, data = message[:3]
         topic = self.topics.get(channel.topic)
         if topic is None:
             topic = self.topics[channel.topic] = _Topic(*_layout(channel, data))
@@ -134,6 +134,8 @@ def _layout(channel: Channel, data: bytes) -> tuple[struct.Struct | None, int]:
         return None, 0
     if channel.encoding == "ros1":  # a count of transforms, then seq, then the stamp
         return struct.Struct("<II"), 8 if array_first else 4
+    if data[:2] not in {b"\0\0", b"\0\1"}:  # no plain CDR: what stands at that place is no stamp
+        return None, 0
     order = "<" if data[1:2] == b"\1" else ">"
     return struct.Struct(f"{order}iI"), 8 if array_first else 4
 

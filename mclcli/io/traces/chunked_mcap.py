@@ -12,13 +12,16 @@ from mclcli.io.traces.sinks import stamp_text
 from mclcli.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
+    from mclcli.io.logs.base import Attachment
     from mclcli.io.traces.mcap_writer import Compressor
     from mclcli.io.traces.sinks import BinarySink
 
 Key = TypeVar("Key")
 
+LIBRARY = f"mclcli {__version__}"
+"""What stands in a file as the library that wrote it."""
 CHUNK_BYTES = 64 * 1024
 """A chunk ends after the step in which it passes this size: a killed run loses at most one."""
 
@@ -83,6 +86,7 @@ def ros2_stream(topic: str, kind: str, definition: str, *, latched: bool = False
 class ChunkedMcap(Generic[Key]):
     """Appends messages of known streams; every batch stays within one chunk, zstd-compressed and checksummed.
 
+    A chunk ends once its messages pass ``chunk_bytes``, each counted with ``message_bytes`` beside its data.
     ``streams`` may grow meanwhile. ``records`` are metadata by name, ``attached`` names a text to attach.
     Chunks are made and written by one thread of the file's own: meanwhile the caller goes on, and a
     KeyboardInterrupt, which reaches the main thread only, cannot tear a chunk. Hence ``close`` after any exception
@@ -93,6 +97,7 @@ class ChunkedMcap(Generic[Key]):
         "_channels",
         "_chunk_bytes",
         "_done",
+        "_message_bytes",
         "_pending",
         "_schemas",
         "_size",
@@ -111,8 +116,10 @@ class ChunkedMcap(Generic[Key]):
         records: Mapping[str, Mapping[str, str]],
         attached: tuple[str, str] | None = None,
         chunk_bytes: int = CHUNK_BYTES,
+        message_bytes: int = 0,
+        library: str = LIBRARY,
     ) -> None:
-        self._writer = McapWriter(sink, compressor, profile=profile, library=f"mclcli {__version__}")
+        self._writer = McapWriter(sink, compressor, profile=profile, library=library)
         for name, pairs in records.items():
             self._writer.add_metadata(name, {key: _utf8(value) for key, value in pairs.items()})
         if attached:
@@ -120,22 +127,38 @@ class ChunkedMcap(Generic[Key]):
             self._writer.attach(name, "application/yaml", _utf8(text).encode())
         self._streams = streams
         self._chunk_bytes = chunk_bytes
+        self._message_bytes = message_bytes
         self._schemas: dict[tuple[str, str, bytes], int] = {}
         self._channels: dict[Key, int] = {}
-        self._pending: list[tuple[int, int, Key, bytes]] = []
+        self._pending: list[tuple[int, int, Key, bytes, int | None]] = []
         self._size = 0
         self._worker: ThreadPoolExecutor | None = ThreadPoolExecutor(1, "mcl-mcap")
         self._done: Future[None] | None = None
 
-    def add(self, log_time_ns: int, batch: Sequence[tuple[Key, bytes]], publish_ns: int | None = None) -> None:
+    def add(
+        self,
+        log_time_ns: int,
+        batch: Sequence[tuple[Key, bytes]],
+        publish_ns: int | None = None,
+        sequence: int | None = None,
+    ) -> None:
         """Append messages (stream, bytes) that share a chunk; InputError for a time before 1970."""
         if log_time_ns < 0:
             raise InputError(f"MCAP: stamp {stamp_text(log_time_ns)} is before 1970; write CSV instead")
         published = log_time_ns if publish_ns is None else publish_ns
-        self._pending += [(log_time_ns, published, key, data) for key, data in batch]
-        self._size += sum(len(data) for _, data in batch)
+        self._pending += [(log_time_ns, published, key, data, sequence) for key, data in batch]
+        self._size += sum(len(data) + self._message_bytes for _, data in batch)
         if self._size > self._chunk_bytes:
             self._hand_over()
+
+    def attach(self, attachment: Attachment) -> None:
+        """Write a file within the file."""
+        kept, times = attachment, {"log_ns": attachment.log_time_ns, "created_ns": attachment.create_time_ns}
+        self._submit(lambda: self._writer.attach(kept.name, kept.media_type, kept.data, **times))
+
+    def add_metadata(self, name: str, pairs: Mapping[str, str]) -> None:
+        """Write pairs of texts under a name."""
+        self._submit(lambda: self._writer.add_metadata(name, pairs))
 
     def close(self) -> None:
         """Write what is pending, the indexes and the summary. Later calls do nothing."""
@@ -152,20 +175,24 @@ class ChunkedMcap(Generic[Key]):
 
     def _hand_over(self) -> None:
         """Give the pending messages to the thread, once it has written those before."""
+        chunk, self._pending, self._size = self._pending, [], 0
+        self._submit(lambda: self._write(chunk))
+
+    def _submit(self, task: Callable[[], None]) -> None:
+        """Let the thread do something, once it has done what came before."""
         self._wait()
         if self._worker is None:
             raise ValueError("the MCAP file is closed")
-        chunk, self._pending, self._size = self._pending, [], 0
-        self._done = self._worker.submit(self._write, chunk)
+        self._done = self._worker.submit(task)
 
     def _wait(self) -> None:
         if self._done is not None:
             self._done.result()
 
-    def _write(self, chunk: list[tuple[int, int, Key, bytes]]) -> None:
-        for log_time_ns, publish_ns, key, data in chunk:
+    def _write(self, chunk: list[tuple[int, int, Key, bytes, int | None]]) -> None:
+        for log_time_ns, publish_ns, key, data, sequence in chunk:
             channel = self._channels.get(key) or self._register(key)
-            self._writer.add_message(channel, log_time_ns, publish_ns, data)
+            self._writer.add_message(channel, log_time_ns, publish_ns, data, sequence)
         self._writer.end_chunk()
 
     def _register(self, key: Key) -> int:

@@ -113,13 +113,13 @@ class McapWriter:
         self._write(record)
         self._metadata.append(_record(_METADATA_INDEX, struct.pack("<QQ", at, len(record)), _text(name)))
 
-    def attach(self, name: str, media_type: str, data: bytes) -> None:
-        """Write a file within the file, without times."""
+    def attach(self, name: str, media_type: str, data: bytes, *, log_ns: int = 0, created_ns: int = 0) -> None:
+        """Write a file within the file; times [ns], 0 for none."""
         described = _text(name) + _text(media_type)
-        body = bytes(16) + described + struct.pack("<Q", len(data)) + data
+        body = struct.pack("<qq", log_ns, created_ns) + described + struct.pack("<Q", len(data)) + data
         record, at = _record(_ATTACHMENT, body, struct.pack("<I", zlib.crc32(body))), self._at
         self._write(record)
-        head = struct.pack("<QQQQQ", at, len(record), 0, 0, len(data))
+        head = struct.pack("<QQqqQ", at, len(record), log_ns, created_ns, len(data))
         self._attachments.append(_record(_ATTACHMENT_INDEX, head, described))
 
     def register_schema(self, name: str, form: str, data: bytes) -> int:
@@ -137,10 +137,13 @@ class McapWriter:
         self._chunk.put(self._channels[-1])
         return number
 
-    def add_message(self, channel: int, log_time_ns: int, publish_ns: int, data: bytes) -> None:
-        """Append one message to the chunk; its sequence number counts the channel's messages from 0."""
-        sequence = self._counts.get(channel, 0)
-        self._counts[channel] = sequence + 1
+    def add_message(
+        self, channel: int, log_time_ns: int, publish_ns: int, data: bytes, sequence: int | None = None
+    ) -> None:
+        """Append one message to the chunk; without a sequence number it gets one that counts the channel's from 0."""
+        count = self._counts.get(channel, 0)
+        self._counts[channel] = count + 1
+        sequence = count if sequence is None else sequence
         self._chunk.index.setdefault(channel, []).append((log_time_ns, self._chunk.size))
         head = _MESSAGE_START.pack(rec.MESSAGE, 22 + len(data), channel, sequence, log_time_ns, publish_ns)
         self._chunk.put(head, data)
