@@ -72,7 +72,7 @@ def test_the_contracts_of_the_house_hold() -> None:
         ("ruamel", ()),
         ("yaml", ("io/tables/safe_yaml.py",)),
         ("rosbags", ("io/",)),
-        ("mcap", ("io/traces/mcap_writer.py",)),
+        ("mcap", ("io/traces/mcap_writer.py", "io/logs/mcap_index.py")),
         ("zstandard", ("io/",)),
         ("lz4", ("io/",)),
         ("sqlite3", ("io/",)),

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mclcli.io.recording.diagnosis import Diagnosis
     from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import Roles
+    from mclcli.io.recording.sampling import SampledLog
     from mclcli.io.recording.survey import LogSurvey, TopicSurvey
 
 DAMAGED = 3
@@ -26,27 +27,33 @@ DAMAGED = 3
 @click.command("info", short_help="What a log holds, which topic plays which part, and how to run it.")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@click.option("--deep", is_flag=True, help="Read a log above 1 GiB whole, and verify every checksum in it.")
 @options.threads
 @options.common
-def command(logs: tuple[str, ...], as_json: bool, **_: Any) -> int:
+def command(logs: tuple[str, ...], as_json: bool, deep: bool, **_: Any) -> int:
     """Topics by role and why, counts, rates, laser geometry, frames, and the `mcl run` line.
 
     And what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
+    Of indexed MCAP above 1 GiB it reads the index and a sample of the chunks.
     """
     from mclcli.io.logs import open_log
-    from mclcli.io.recording import roles
+    from mclcli.io.recording import roles, sampling
     from mclcli.io.recording.diagnosis import Diagnosis
     from mclcli.io.recording.recording import Recording
 
     stdin, diagnosis = sys.stdin.buffer if "-" in logs else None, Diagnosis()
-    recording = Recording(open_log(logs, stdin=stdin), whole=True, diagnosis=diagnosis)
+    log = open_log(logs, stdin=stdin)
+    sampled = None if deep else sampling.sample(log, diagnosis)
+    recording = sampled or Recording(log, whole=True, diagnosis=diagnosis)
     parts = roles.assign(recording.survey, roles.RequestedRoles())
     facts = describe(recording, diagnosis, parts, logs)
     click.echo(json.dumps(facts, indent=2) if as_json else "\n".join(_lines(facts)))
     return DAMAGED if recording.tally.lossy else 0
 
 
-def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tuple[str, ...]) -> dict[str, Any]:
+def describe(
+    recording: Recording | SampledLog, diagnosis: Diagnosis, parts: Roles, logs: tuple[str, ...]
+) -> dict[str, Any]:
     """Everything ``mcl info`` knows, as plain values."""
     span = recording.survey.span_ns
     lidars = [_lidar(recording, parts, topic) for topic in parts.scan]
@@ -77,7 +84,7 @@ def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tup
     }
 
 
-def _loose(recording: Recording, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:
+def _loose(recording: Recording | SampledLog, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:
     """Frames that do not connect, and lidars that are not on the base."""
     from mclcli.io.recording.diagnosis import loose_frames
 
@@ -120,7 +127,7 @@ def _topic(topic: TopicSurvey, parts: Roles, diagnosis: Diagnosis) -> dict[str, 
     }
 
 
-def _lidar(recording: Recording, parts: Roles, name: str) -> dict[str, Any]:
+def _lidar(recording: Recording | SampledLog, parts: Roles, name: str) -> dict[str, Any]:
     """Geometry of a lidar from its first scan, and where it sits."""
     import numpy as np
 
