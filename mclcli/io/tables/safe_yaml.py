@@ -207,7 +207,7 @@ class _Builder:
 def _events(text: str, name: str) -> Iterator[tuple[str, Any]]:
     """The parser's events with the names of their kinds; its errors become InputError.
 
-    libyaml's parser where PyYAML was built with it, else PyYAML's own, which is a hundred times slower.
+    libyaml's parser where PyYAML was built with it, else PyYAML's own, which takes ten times as long.
     """
     import yaml
 
