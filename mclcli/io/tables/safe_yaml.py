@@ -24,7 +24,7 @@ Path_ = tuple[str | int, ...]
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,18})")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
 _DIRECTIVE = re.compile("^%", re.MULTILINE)  # changes what the rest means, or trips the parser
-_SEPARATOR = re.compile("[\x85\u2028\u2029]")  # ends a line, and with it a comment, in YAML 1.1, and not in 1.2
+_DISPUTED = re.compile("[\x85\u2028\u2029\ufeff]")  # end lines and comments, or vanish, in YAML 1.1 and not in 1.2
 _WORDS: dict[str, Value] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
     **dict.fromkeys(("true", "True", "TRUE"), True),
@@ -99,7 +99,10 @@ def parse(data: bytes, name: str, limits: Limits = MAP_LIMITS, *, several: bool 
         raise InputError(f"{name}: is longer than {limits.size} bytes, the most that is read; check the file")
     refuse_stand_ins(data, name)
     text = decode(data, name)
-    for pattern, what in ((_DIRECTIVE, "a directive (%)"), (_SEPARATOR, "a line separator (U+0085, U+2028 or U+2029)")):
+    for pattern, what in (
+        (_DIRECTIVE, "a directive (%)"),
+        (_DISPUTED, "a line separator or byte order mark (U+0085, U+2028, U+2029, U+FEFF)"),
+    ):
         if found := pattern.search(text):
             line = text.count("\n", 0, found.start()) + 1
             raise InputError(f"{name}: {what}, line {line}; write it without")
