@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mclcli.io.recording.recording import Recording
     from mclcli.records import TrackPoint
     from mclcli.replay.intake import Setup
+    from mclcli.sensors import Temperature
     from mclcli.settings.profiles import Settings
 
 HEAD = "| log | profile | RMSE, median [m] | worst seed [m] | at the end, worst [m] | lost |"
@@ -91,7 +92,9 @@ class Loaded:
         recording = mcl.open_recording(data / case.log)
         return Loaded(case, data, recording, reference_of(case, data, recording))
 
-    def setup(self, settings: Settings, seed: int, start: Start | None = None, temperature: float | str = "") -> Setup:
+    def setup(
+        self, settings: Settings, seed: int, start: Start | None = None, temperature: Temperature | None = None
+    ) -> Setup:
         """Setup of one run, by default from the first reference pose (0.1 m, 5°)."""
         track = zip(self.reference.stamps_ns, self.reference.poses, strict=True)
         landmarks = self.data / self.case.landmarks if self.case.landmarks else None
@@ -103,7 +106,7 @@ class Loaded:
             settings=settings,
             start=start or mcl.AlongPoses([StampedPose(int(stamp), "map", pose) for stamp, pose in track]),
             seed=seed,
-            temperature={"": temperature} if temperature else {},
+            temperature={"": temperature} if temperature is not None else {},
         )
 
     @functools.lru_cache(maxsize=4)  # noqa: B019 - a benchmark ends
@@ -171,7 +174,7 @@ def main() -> None:
     options.add_argument("--profiles", nargs="+", default=list(PROFILES), choices=list(PROFILES))
     options.add_argument("--model", default="", help="instead of the case's own")
     options.add_argument("--set", dest="changes", nargs="*", default=[], metavar="KEY=VALUE")
-    options.add_argument("--temperature", default="")
+    options.add_argument("--temperature", type=lambda text: text if text in {"auto", "ess"} else float(text))
     chosen = options.parse_args()
     changes = dict(change.split("=", 1) for change in chosen.changes)
     everything = {name: (case, chosen.data) for name, case in CASES.items()}

@@ -18,7 +18,7 @@ from mclcli.sensors.beams import Beams
 from mclcli.sensors.bearing import BearingModel, BearingParameters, Bearings
 from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
 from mclcli.world.distance_field import DistanceField
-from mclcli.world.raycast import make_caster
+from mclcli.world.raycast import CastMethod, make_caster
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -135,7 +135,8 @@ def beam_mixture() -> list[Row]:
     angles = np.linspace(-3.0, 3.0, 60)
     directions, origins = np.stack([np.cos(angles), np.sin(angles)], axis=-1), np.zeros((60, 2))
     rows = []
-    for method, target in (("exact", "≤ 120 ns"), ("approximate", "≤ 40 ns")):
+    targets: dict[CastMethod, str] = {"exact": "≤ 120 ns", "approximate": "≤ 40 ns"}
+    for method, target in targets.items():
         caster = make_caster(grid, method=method)
         beams = Beams(origins, directions, caster.ranges(poses[:1], origins, directions, 12.0)[0], 12.0)
         score = BeamModel(caster, BeamParameters(raycast=method)).measure("lidar", beams).log_likelihood

@@ -22,12 +22,13 @@ from mclcli.records import StampedPose
 
 if TYPE_CHECKING:
     from benchmarks.accuracy import Case
+    from mclcli.sensors import Temperature
 
 _GAP_NS = 15_000_000_000
 _ENOUGH = 10.0
 
 
-def measure(case: Case, data: Path, temperature: float | str, seed: int) -> tuple[float, float, float, float]:
+def measure(case: Case, data: Path, temperature: Temperature, seed: int) -> tuple[float, float, float, float]:
     """RMSE [m], ANEES/3, mean temperature of the first sensor, and the share of updates left out of ANEES."""
     recording = mcl.open_recording(data / case.log)
     reference = reference_of(case, data, recording)

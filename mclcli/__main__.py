@@ -1,4 +1,4 @@
-"""``python -m mclcli`` is ``mcl``; the way in, which knows how to be interrupted before anything else is there."""
+"""``python -m mclcli`` is ``mcl``; the entry point, which handles interrupts before anything else is imported."""
 
 from __future__ import annotations
 

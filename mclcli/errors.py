@@ -1,24 +1,30 @@
-"""Everything mcl raises on purpose, and the exit code each ends the command line with.
-
-    MclError
-    ├── InputError       1   files exist but give no usable result, or I/O failed
-    ├── UsageError       2   command line or parameter value
-    ├── ThresholdMissed  4   a threshold that was asked for
-    └── AmbiguousResult  5   more than one answer
+"""Everything mcl raises on purpose, and the exit codes of the command line.
 
 A message says what is wrong, where, and what to do, in one line: ``FILE: what, where; what to do``.
-Exit code 3 (finished, but needed data was damaged) is a result, not an error: see ``mclcli.io.logs.base``.
 """
 
 from __future__ import annotations
 
+from enum import IntEnum
 from typing import ClassVar
+
+
+class ExitCode(IntEnum):
+    """How a command ends; beyond these, 128 + the number of a signal that ended it."""
+
+    COMPLETE = 0
+    FAILED = 1  # files give no usable result, or reading or writing failed
+    USAGE = 2  # command line or parameter value
+    DAMAGED = 3  # finished, but data that was needed was damaged, missing or undecodable
+    MISSED = 4  # a limit that was asked for is not kept
+    AMBIGUOUS = 5  # more than one answer is likely
+    INTERNAL = 70  # a bug in mcl
 
 
 class MclError(Exception):
     """An expected failure, told to the user in one line."""
 
-    exit_code: ClassVar[int] = 1
+    exit_code: ClassVar[ExitCode] = ExitCode.FAILED
 
 
 class InputError(MclError):
@@ -28,19 +34,7 @@ class InputError(MclError):
 class UsageError(MclError):
     """The command line or a parameter's value is wrong."""
 
-    exit_code: ClassVar[int] = 2
-
-
-class ThresholdMissed(MclError):  # noqa: N818 - names the outcome
-    """A threshold that the caller asked for was missed."""
-
-    exit_code: ClassVar[int] = 4
-
-
-class AmbiguousResult(MclError):  # noqa: N818 - names the outcome
-    """The data admit more than one answer."""
-
-    exit_code: ClassVar[int] = 5
+    exit_code: ClassVar[ExitCode] = ExitCode.USAGE
 
 
 def nearest_name(name: str, known: list[str]) -> str:

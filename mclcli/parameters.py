@@ -7,13 +7,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, Protocol, final
+from typing import TYPE_CHECKING, Any, Literal, Protocol, final
 
 from mclcli.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from typing import ClassVar
+
+
+YesNo = Literal["yes", "no"]
 
 
 class ParameterSet(Protocol):
@@ -44,6 +47,12 @@ class Description:
 def parameter(default: float | str, meaning: str, **details: Any) -> Any:  # noqa: ANN401 - as dataclasses.field
     """Dataclass field with a default and a ``Description``; ``details`` are the latter's other fields."""
     return dataclasses.field(default=default, metadata={"description": Description(meaning, **details)})
+
+
+def parameter_of(parameters: type[ParameterSet], name: str) -> Any:  # noqa: ANN401 - as dataclasses.field
+    """A field of another dataclass again: its default and description are written once, beside the model."""
+    own = parameters.__dataclass_fields__[name]
+    return dataclasses.field(default=own.default, metadata=own.metadata)
 
 
 def described(parameters: type[ParameterSet]) -> Iterator[tuple[str, Any, Description]]:

@@ -37,7 +37,7 @@ def stream(seed: int, purpose: Purpose, step: int = 0) -> np.random.Generator:
 
 @final
 class _Key(ISeedSequence):
-    """A key for Philox, given as a seed: one given as a key makes NumPy ask the system for randomness first."""
+    """A key for Philox, passed as a seed: for one passed as a key NumPy asks the system for randomness first."""
 
     __slots__ = ("_words",)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import get_args
 
 import pytest
 from hypothesis import given
@@ -12,7 +13,7 @@ from mclcli.cli import options
 from mclcli.errors import UsageError
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
-from mclcli.settings import profiles
+from mclcli.settings import Profile, profiles
 
 
 def test_nothing_given_means_the_defaults_of_the_table() -> None:
@@ -92,7 +93,8 @@ def test_sizes_that_are_none_are_refused(text: str) -> None:
 
 
 def test_the_originals_sizes_and_recoveries() -> None:
-    for profile, bins in (("nav2", 1), ("beluga", 2)):
+    unlimited: dict[Profile, int] = {"nav2": 1, "beluga": 2}
+    for profile, bins in unlimited.items():
         settings = profiles.build({}, profile=profile)
         assert (settings.kld.min_particles, settings.kld.max_particles, settings.kld.z) == (500, 2000, 0.99)
         assert settings.kld.kld_unlimited_bins == bins
@@ -172,7 +174,7 @@ def test_bounds_themselves_are_allowed(value: tuple[str, float]) -> None:
 
 @pytest.mark.parametrize("profile", list(profiles.PROFILES))
 @pytest.mark.parametrize("model", list(profiles.MODELS))
-def test_every_profile_has_every_model_and_names_only_what_exists(profile: str, model: str) -> None:
+def test_every_profile_has_every_model_and_names_only_what_exists(profile: Profile, model: str) -> None:
     settings = profiles.build({}, profile=profile, model=model)
     changes = profiles.PROFILES[profile][model]
     assert {name for _, name, _, _ in profiles.table()} >= set(changes)
@@ -188,7 +190,7 @@ def test_parameters_of_another_lidar_model_are_passed_over() -> None:
 
 
 def test_the_command_line_offers_the_profiles_and_models_that_there_are() -> None:
-    assert tuple(profiles.PROFILES) == options.PROFILE_NAMES
+    assert tuple(profiles.PROFILES) == get_args(Profile)
     assert tuple(profiles.MODELS) == options.MODEL_NAMES
 
 

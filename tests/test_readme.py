@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from mclcli.cli import COMMANDS, load_command
+from mclcli.errors import ExitCode
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -22,6 +24,13 @@ def blocks(language: str) -> list[str]:
 
 def options_of(name: str) -> set[str]:
     return {option for parameter in load_command(name).params for option in parameter.opts}
+
+
+def test_the_documented_exit_codes_are_those_there_are() -> None:
+    text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    listed = re.findall(r"^\| ([\d, ]+) \|", text.partition("## Exit codes")[2], re.MULTILINE)
+    signals = {128 + number for number in (signal.SIGINT, signal.SIGPIPE, signal.SIGTERM)}
+    assert {int(code) for codes in listed for code in codes.split(",")} == {*ExitCode, *signals}
 
 
 def test_the_python_block_runs(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import datetime as dt
 import re
+from dataclasses import dataclass
 from decimal import Decimal
+from typing import Literal, final
 
 from mclcli.errors import UsageError
 
@@ -12,9 +14,29 @@ _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d{1,9})?))?")
 _SECOND = 1_000_000_000
 
 
-def parse_time(text: str, first_ns: int, option: str) -> int:
-    """Stamp [ns] of a time: ``12.5`` seconds from the log's first message, ``@1663967375.8`` absolute seconds,
-    ``14:32:05`` on the day of the first message (UTC), or ISO 8601 (UTC unless it states an offset).
+@final
+@dataclass(frozen=True, slots=True)
+class LogTime:
+    """A time as it was written: ``ns`` nanoseconds after the log's first message, 1970, or the first message's day."""
+
+    text: str
+    ns: int
+    since: Literal["first", "epoch", "midnight"]
+
+    def stamp_ns(self, first_ns: int) -> int:
+        """Stamp [ns] in a log whose first message is of ``first_ns``."""
+        match self.since:
+            case "first":
+                return first_ns + self.ns
+            case "midnight":
+                return _midnight(first_ns) + self.ns
+            case "epoch":
+                return self.ns
+
+
+def parse_time(text: str, option: str) -> LogTime:
+    """Time of ``12.5``, seconds after the log's first message; ``@1663967375.8``, absolute seconds; ``14:32:05``, on
+    the day of the first message (UTC); or ISO 8601 (UTC unless it states an offset).
 
     Raises
     ------
@@ -23,12 +45,12 @@ def parse_time(text: str, first_ns: int, option: str) -> int:
 
     """  # noqa: D205 - the four forms are the summary
     if text.startswith("@"):
-        return _seconds(text[1:], text, option)
+        return LogTime(text, _seconds(text[1:], text, option), "epoch")
     if clock := _CLOCK.fullmatch(text):
-        return _midnight(first_ns) + _of_day(clock, text, option)
+        return LogTime(text, _of_day(clock, text, option), "midnight")
     if re.match(r"\d{4}-\d{2}-\d{2}", text):
-        return _iso(text, option)
-    return first_ns + _seconds(text, text, option)
+        return LogTime(text, _iso(text, option), "epoch")
+    return LogTime(text, _seconds(text, text, option), "first")
 
 
 def parse_seconds(text: str, option: str) -> int:

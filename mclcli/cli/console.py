@@ -34,7 +34,7 @@ class _Lines(logging.Handler):
     """Writes each record as one clean line."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write one record to stderr; of an information only its text."""
+        """Write one record to stderr; an information without its level."""
         kind = f"{record.levelname.lower()}: " if record.levelno >= logging.WARNING else ""
         click.echo(f"mcl: {kind}{clean(record.getMessage(), _LINE)}", err=True)
 

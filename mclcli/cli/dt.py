@@ -4,24 +4,41 @@ from __future__ import annotations
 
 import json
 import time
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final, get_args
 
 import click
 
 from mclcli.cli import options
+from mclcli.world import FieldMethod
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from mclcli.world.distance_field import DistanceField, Method
+    from mclcli.world.distance_field import DistanceField
     from mclcli.world.occupancy import OccupancyGrid
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class FieldOptions:
+    """What ``mcl dt`` is asked for."""
+
+    map_file: Path
+    method: FieldMethod
+    max_dist: float
+    output: str | None
+    png: str | None
+    as_json: bool
+    no_cache: bool
+    map_limits: options.MapLimits
 
 
 @click.command("dt", short_help="Compute (or find in the cache) the distance field of a map.")
 @options.map_file
 @click.option(
     "--method",
-    type=click.Choice(["exact", "brushfire"]),
+    type=click.Choice(get_args(FieldMethod)),
     default="exact",
     show_default=True,
     help="Euclidean distances, or shortest 8-neighbour paths.",
@@ -36,30 +53,18 @@ if TYPE_CHECKING:
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 @click.option("--no-cache", is_flag=True, help="Neither read nor write the cache.")
 @options.map_limits
-@options.threads
 @options.common
-def command(
-    map_file: Path,
-    method: Method,
-    max_dist: float,
-    output: str | None,
-    png: str | None,
-    as_json: bool,
-    no_cache: bool,
-    max_cells: int,
-    allow_outside: bool,
-    threads: int,
-) -> None:
-    """Distance from every cell of MAP to the nearest occupied cell; kept in the cache for the other commands."""
+@options.into(FieldOptions)
+def command(dt: FieldOptions) -> None:
+    """Compute the distance from every cell of MAP to the nearest occupied one; the cache keeps it for others."""
     from mclcli.cli import console
     from mclcli.io.maps import field_cache
-    from mclcli.io.maps.map_yaml import load_map
     from mclcli.world import distance_field
 
-    del threads  # the transform runs on one
-    grid = load_map(map_file, max_cells=max_cells, allow_outside=allow_outside)
+    map_file, method, max_dist = dt.map_file, dt.method, dt.max_dist
+    grid = dt.map_limits.load(map_file)
     began = time.perf_counter()
-    if no_cache:
+    if dt.no_cache:
         field, hit, where = distance_field.compute(grid, method, max_dist), False, ""
     else:
         field, hit = field_cache.cached_field(grid, method, max_dist)
@@ -70,7 +75,7 @@ def command(
         console.warn(
             f"{map_file}: no cell is occupied, so the field is {max_dist:g} m everywhere; check the thresholds"
         )
-    _write(field, grid, output, png, map_file)
+    _write(field, grid, dt)
     summary = {
         "map": map_file.name,
         "width": grid.width,
@@ -80,11 +85,11 @@ def command(
         "method": method,
         "max_dist": max_dist,
         "milliseconds": round(seconds * 1e3, 1),
-        "cache": "off" if no_cache else "hit" if hit else "miss",
+        "cache": "off" if dt.no_cache else "hit" if hit else "miss",
         "file": where,
     }
     # With the field itself on stdout the summary is a remark.
-    click.echo(json.dumps(summary) if as_json else _sentence(summary), err=output == "-")
+    click.echo(json.dumps(summary) if dt.as_json else _sentence(summary), err=dt.output == "-")
 
 
 def _sentence(summary: dict[str, object]) -> str:
@@ -95,22 +100,22 @@ def _sentence(summary: dict[str, object]) -> str:
     return text.format(**summary).rstrip()
 
 
-def _write(field: DistanceField, grid: OccupancyGrid, output: str | None, png: str | None, map_file: Path) -> None:
+def _write(field: DistanceField, grid: OccupancyGrid, dt: FieldOptions) -> None:
     import io
 
     from mclcli.cli import pictures
     from mclcli.io.traces.output import open_output
 
-    if output is not None:
+    if dt.output is not None:
         import numpy as np
 
         buffer = io.BytesIO()
         np.save(buffer, field.metres(), allow_pickle=False)
-        with open_output(output, binary=True, inputs=[map_file]) as target:
+        with open_output(dt.output, binary=True, inputs=[dt.map_file]) as target:
             target.write(buffer.getvalue())
-    if png is not None:
+    if dt.png is not None:
         from mclcli.render.field import draw_field
 
-        title = f"Distance to the nearest obstacle — {map_file.name}"
+        title = f"Distance to the nearest obstacle — {dt.map_file.name}"
         picture = draw_field(grid, field.metres(), max_dist=field.max_dist, title=title, subtitle="")
-        pictures.save(picture, png, inputs=[map_file])
+        pictures.save(picture, dt.png, inputs=[dt.map_file])

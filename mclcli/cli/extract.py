@@ -5,19 +5,34 @@ from __future__ import annotations
 import dataclasses
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Literal, final, get_args
 
 import click
 
-from mclcli.cli import console, options
+from mclcli.cli import console, options, parse
 from mclcli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from typing import Literal
+    from collections.abc import Mapping
 
+    from mclcli.arrays import FloatArray
+    from mclcli.cli.clock import LogTime
     from mclcli.io.recording.recording import Recording
 
-    Form = Literal["yaml", "json"]
+Form = Literal["yaml", "json"]
+
+
+@final
+@dataclasses.dataclass(frozen=True, slots=True)
+class ExtractOptions:
+    """What ``mcl extract`` is asked for."""
+
+    log: str
+    topic: str | None
+    at: LogTime | None
+    index: int | None
+    form: Form
+    mounts: Mapping[str, FloatArray]
 
 
 @click.command("extract", short_help="Print one message of a log, a laser scan ready for `mcl score -`.")
@@ -26,46 +41,48 @@ if TYPE_CHECKING:
 @click.option(
     "--at",
     metavar="TIME",
+    callback=parse.parse_at,
     help="The message nearest to this time: seconds into the log, @SECONDS, 14:32:05 or ISO 8601.",
 )
 @click.option(
     "--index", metavar="N", type=click.IntRange(min=0), help="The message of this number on its topic, from 0."
 )
 @click.option(
-    "--format", "form", type=click.Choice(["yaml", "json"]), default="yaml", show_default=True, help="How to write it."
+    "--format", "form", type=click.Choice(get_args(Form)), default="yaml", show_default=True, help="How to write it."
 )
 @click.option(
     "--mount",
     "mounts",
     multiple=True,
     metavar="[FRAME=]X,Y,YAW",
-    callback=options.parse_mounts,
+    callback=parse.parse_mounts,
     help="Where the lidar sits, instead of what the log says.",
 )
-@options.threads
 @options.common
-def command(log: str, topic: str | None, at: str | None, index: int | None, form: Form, **arguments: Any) -> None:
-    """One message of LOG as YAML or JSON; a laser scan carries along where its lidar sits on the base."""
+@options.into(ExtractOptions)
+def command(extract: ExtractOptions) -> None:
+    """Print one message of LOG as YAML or JSON; with a laser scan goes where its lidar sits on the base."""
     from mclcli.cli import one_scan
     from mclcli.io.recording.roles import SCAN
     from mclcli.io.tables.scan_file import format_scan
 
-    recording, parts = one_scan.open_for_scan(Path(log), None)
+    recording, parts = one_scan.open_for_scan(Path(extract.log), None)
+    topic = extract.topic
     channel = recording.survey.topics.get(topic or "")
     if topic is not None and (channel is None or channel.channel.type not in SCAN):
-        click.echo(_other(recording, topic, at, index, form), nl=False)
+        click.echo(_other(recording, topic, extract), nl=False)
         return
     parts = parts if topic is None else dataclasses.replace(parts, scan=(topic,))
-    scan = one_scan.scan_of_log(recording, parts, at, index)
+    scan = one_scan.scan_of_log(recording, parts, extract.at, extract.index)
     try:
-        mount = one_scan.mount_in_log(recording, parts, scan, arguments["mounts"])
+        mount = one_scan.mount_in_log(recording, parts, scan, extract.mounts)
     except InputError as error:
         console.warn(f"{error}; the scan is printed without it")
         mount = None
-    click.echo(format_scan(scan, mount, parts.base_frame, form), nl=False)
+    click.echo(format_scan(scan, mount, parts.base_frame, extract.form), nl=False)
 
 
-def _other(recording: Recording, topic: str, at: str | None, index: int | None, form: Form) -> str:
+def _other(recording: Recording, topic: str, extract: ExtractOptions) -> str:
     """Any other message whose type is known, as it is."""
     from mclcli.cli import one_scan
     from mclcli.io.messages.decoding import to_plain
@@ -75,6 +92,7 @@ def _other(recording: Recording, topic: str, at: str | None, index: int | None, 
         raise UsageError(
             f"no topic '{topic}' in the log; it has {', '.join(sorted(recording.survey.topics)) or 'none'}"
         )
-    message = one_scan.pick_one(recording.raw(topic), lambda raw: raw.log_time_ns, recording.first_ns, at, index)
+    messages, first_ns = recording.raw(topic), recording.first_ns
+    message = one_scan.pick_one(messages, lambda raw: raw.log_time_ns, first_ns, extract.at, extract.index)
     plain = to_plain(message)
-    return to_yaml(plain) if form == "yaml" else json.dumps(plain) + "\n"
+    return to_yaml(plain) if extract.form == "yaml" else json.dumps(plain) + "\n"

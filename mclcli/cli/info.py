@@ -7,11 +7,12 @@ import datetime as dt
 import json
 import shlex
 import sys
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, final
 
 import click
 
 from mclcli.cli import options
+from mclcli.errors import ExitCode
 from mclcli.text import clean
 
 if TYPE_CHECKING:
@@ -21,19 +22,27 @@ if TYPE_CHECKING:
     from mclcli.io.recording.sampling import SampledLog
     from mclcli.io.recording.survey import LogSurvey, TopicSurvey
 
-DAMAGED = 3
+
+@final
+@dataclasses.dataclass(frozen=True, slots=True)
+class InfoOptions:
+    """What ``mcl info`` is asked for."""
+
+    logs: tuple[str, ...]
+    as_json: bool
+    deep: bool
 
 
 @click.command("info", short_help="What a log holds, which topic plays which part, and how to run it.")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @click.option("--deep", is_flag=True, help="Read a log above 1 GiB whole, and verify every checksum in it.")
-@options.threads
 @options.common
-def command(logs: tuple[str, ...], as_json: bool, deep: bool, **_: Any) -> int:
-    """Topics by role and why, counts, rates, laser geometry, frames, and the `mcl run` line.
+@options.into(InfoOptions)
+def command(info: InfoOptions) -> ExitCode:
+    """Show which topic plays which part and why, counts, rates, laser geometry, frames, and the `mcl run` line.
 
-    And what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
+    It also says what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
     Of indexed MCAP above 1 GiB it reads the index and a sample of the chunks.
     """
     from mclcli.io.logs import open_log
@@ -41,14 +50,14 @@ def command(logs: tuple[str, ...], as_json: bool, deep: bool, **_: Any) -> int:
     from mclcli.io.recording.diagnosis import Diagnosis
     from mclcli.io.recording.recording import Recording
 
-    stdin, diagnosis = sys.stdin.buffer if "-" in logs else None, Diagnosis()
-    log = open_log(logs, stdin=stdin)
-    sampled = None if deep else sampling.sample(log, diagnosis)
+    stdin, diagnosis = sys.stdin.buffer if "-" in info.logs else None, Diagnosis()
+    log = open_log(info.logs, stdin=stdin)
+    sampled = None if info.deep else sampling.sample(log, diagnosis)
     recording = sampled or Recording(log, whole=True, diagnosis=diagnosis)
     parts = roles.assign(recording.survey, roles.RequestedRoles())
-    facts = describe(recording, diagnosis, parts, logs)
-    click.echo(json.dumps(facts, indent=2) if as_json else "\n".join(_lines(facts)))
-    return DAMAGED if recording.tally.lossy else 0
+    facts = describe(recording, diagnosis, parts, info.logs)
+    click.echo(json.dumps(facts, indent=2) if info.as_json else "\n".join(_lines(facts)))
+    return ExitCode.DAMAGED if recording.tally.lossy else ExitCode.COMPLETE
 
 
 def describe(
@@ -132,8 +141,10 @@ def _lidar(recording: Recording | SampledLog, parts: Roles, name: str) -> dict[s
     import numpy as np
 
     from mclcli.geometry import se3
+    from mclcli.records import LaserScan
 
-    scan: Any = recording.survey.topics[name].sample
+    scan = recording.survey.topics[name].sample
+    assert isinstance(scan, LaserScan)  # noqa: S101 - roles go by type
     mount = recording.survey.frames.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
     finite = np.isfinite(scan.ranges)
     return {

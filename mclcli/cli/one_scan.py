@@ -6,20 +6,21 @@ import itertools
 import sys
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, final
+from typing import TYPE_CHECKING, TypeVar, final
 
 import numpy as np
 
 from mclcli.cli import console
-from mclcli.cli.clock import parse_time
 from mclcli.errors import InputError, UsageError
 from mclcli.records import LaserScan
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Callable, Iterable, Mapping
 
     from mclcli.arrays import FloatArray
-    from mclcli.cli.options import Chosen
+    from mclcli.cli.chosen import Chosen
+    from mclcli.cli.clock import LogTime
+    from mclcli.cli.options import ScanSource
     from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import Roles
 
@@ -38,26 +39,27 @@ class MountedScan:
     base_frame: str
 
 
-def find_scan(arguments: dict[str, Any], chosen: Chosen) -> MountedScan:
+def find_scan(source: ScanSource, mounts: Mapping[str, FloatArray], chosen: Chosen) -> MountedScan:
     """The scan that SCAN, --at, --index, --scan-topic and --mount name."""
-    source, mounts = arguments["scan"], arguments["mounts"]
-    if source != "-" and not Path(source).exists():
-        raise UsageError(f"{source}: no such file; name a LaserScan as YAML or JSON, a log, or - for stdin")
-    if source != "-" and is_log(Path(source)):
-        recording, parts = open_for_scan(Path(source), arguments["scan_topic"], chosen)
-        scan = scan_of_log(recording, parts, arguments["at"], arguments["index"])
+    name = source.scan
+    if name != "-" and not Path(name).exists():
+        raise UsageError(f"{name}: no such file; name a LaserScan as YAML or JSON, a log, or - for stdin")
+    if name != "-" and is_log(Path(name)):
+        recording, parts = open_for_scan(Path(name), source.scan_topic, chosen)
+        scan = scan_of_log(recording, parts, source.at, source.index)
         return MountedScan(scan, mount_in_log(recording, parts, scan, mounts), parts.base_frame)
-    for option in ("at", "index", "scan_topic"):
-        if arguments[option] is not None:
-            raise UsageError(f"--{option.replace('_', '-')}: {source} is one scan, not a log; leave the option out")
-    return _scan_of_text(source, mounts)
+    for_logs = {"--at": source.at, "--index": source.index, "--scan-topic": source.scan_topic}
+    for option, value in for_logs.items():
+        if value is not None:
+            raise UsageError(f"{option}: {name} is one scan, not a log; leave the option out")
+    return _scan_of_text(name, mounts)
 
 
 def open_for_scan(
     path: Path, topic: str | None, chosen: Chosen | None = None, odometry: str | None = None
 ) -> tuple[Recording, Roles]:
     """A log, and which of its topics holds the scans: the one named, else the one that ``mcl run`` would use."""
-    from mclcli.cli.log_roles import names_in
+    from mclcli.cli.chosen import names_in
     from mclcli.io.logs import open_log
     from mclcli.io.recording import roles
     from mclcli.io.recording.recording import Recording
@@ -75,7 +77,7 @@ def open_for_scan(
     return recording, roles.assign(recording.survey, requested)
 
 
-def scan_of_log(recording: Recording, parts: Roles, at: str | None, index: int | None) -> LaserScan:
+def scan_of_log(recording: Recording, parts: Roles, at: LogTime | None, index: int | None) -> LaserScan:
     """One scan of a log, by time or number; the first one if neither is given.
 
     Raises
@@ -95,7 +97,11 @@ def scan_of_log(recording: Recording, parts: Roles, at: str | None, index: int |
 
 
 def pick_one(
-    messages: Iterable[Message], stamp_of: Callable[[Message], int], first_ns: int, at: str | None, index: int | None
+    messages: Iterable[Message],
+    stamp_of: Callable[[Message], int],
+    first_ns: int,
+    at: LogTime | None,
+    index: int | None,
 ) -> Message:
     """The message nearest to a time, or of a number; the first one if neither is given.
 
@@ -104,7 +110,7 @@ def pick_one(
     Raises
     ------
     UsageError
-        If there is no message of that number, or the time is not one.
+        If there is no message of that number.
 
     """
     if at is not None and index is not None:
@@ -112,17 +118,17 @@ def pick_one(
     if at is None:
         chosen = next(itertools.islice(messages, index or 0, None), None)
     else:
-        stamp_ns = parse_time(at, first_ns, "--at")
+        stamp_ns = at.stamp_ns(first_ns)
         chosen = min(messages, key=lambda message: abs(stamp_of(message) - stamp_ns), default=None)
         if chosen is not None and abs(away_ns := stamp_of(chosen) - stamp_ns) > _NEAR_NS:
             side = "after" if away_ns > 0 else "before"
-            console.remark(f"--at {at}: the nearest message is from {abs(away_ns) * 1e-9:.1f} s {side} that")
+            console.remark(f"--at {at.text}: the nearest message is from {abs(away_ns) * 1e-9:.1f} s {side} that")
     if chosen is None:
         raise UsageError(f"the topic has no message {'' if index is None else f'of number {index} '}that can be read")
     return chosen
 
 
-def _scan_of_text(source: str, mounts: dict[str, FloatArray]) -> MountedScan:
+def _scan_of_text(source: str, mounts: Mapping[str, FloatArray]) -> MountedScan:
     from mclcli.io.tables.scan_file import parse_scan, read_scan
 
     if source == "-":
@@ -141,7 +147,7 @@ def _scan_of_text(source: str, mounts: dict[str, FloatArray]) -> MountedScan:
     return MountedScan(scan, mount, base_frame or "")
 
 
-def mount_in_log(recording: Recording, parts: Roles, scan: LaserScan, mounts: dict[str, FloatArray]) -> FloatArray:
+def mount_in_log(recording: Recording, parts: Roles, scan: LaserScan, mounts: Mapping[str, FloatArray]) -> FloatArray:
     """``base_from_sensor`` (4, 4): the mount given, else the log's.
 
     Raises

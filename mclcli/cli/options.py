@@ -1,97 +1,83 @@
-"""The options that several commands share, each defined once."""
+"""The options that several commands share, each defined once, and how a command gets its options as one typed value.
+
+A command has a frozen dataclass with a field per option. Options that several commands share are a dataclass of their
+own, one field of the command's.
+"""
 
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, final
+from typing import TYPE_CHECKING, Any, Literal, TypeVar, final, get_args
 
 import click
 
-from mclcli.quantity import parse_list
+from mclcli.cli.parse import parse_at, parse_mounts, parse_settings, parse_temperature
+from mclcli.settings import Profile
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
-    from mclcli.settings.profiles import Settings
-    from mclcli.settings.robots.reading import FileParameters
+    from mclcli.arrays import FloatArray
+    from mclcli.cli.clock import LogTime
+    from mclcli.sensors import Temperature
+    from mclcli.world.occupancy import OccupancyGrid
 
 Command = TypeVar("Command", bound="Callable[..., Any]")
+Options = TypeVar("Options")
+Result = TypeVar("Result")
 
 # As in mclcli.settings.profiles, which costs too much to import for --help; a test compares them.
-PROFILE_NAMES = ("textbook", "nav2", "beluga")
 MODEL_NAMES = ("likelihood_field", "likelihood_field_prob", "beam")
-POSE_UNITS = ("m", "m", "rad")
-MOUNT_UNITS = ("m", "m", "m", "rad", "rad", "rad")
 
 
-def parse_pose(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[float, ...] | None:
-    """X,Y,YAW of an option, yaw in radians or with a unit."""
-    del ctx
-    if value is None:
-        return None
-    pose = parse_list(value, POSE_UNITS, param.opts[0])
-    if len(pose) != 3:
-        raise click.BadParameter(f"'{value}' needs three values, X,Y,YAW", param=param)
-    return pose
+def into(kind: Callable[..., Options]) -> Callable[[Callable[[Options], Result]], Callable[..., Result]]:
+    """Hand a command all its options as one value of ``kind``, whose fields have the options' names."""
+
+    def decorate(command: Callable[[Options], Result]) -> Callable[..., Result]:
+        @functools.wraps(command)
+        def filled(**arguments: Any) -> Result:
+            return command(kind(**arguments))
+
+        return filled
+
+    return decorate
 
 
-def parse_poses(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> list[tuple[float, ...]]:
-    """X,Y,YAW of a repeated option."""
-    return [pose for value in values if (pose := parse_pose(ctx, param, value)) is not None]
+def all_of(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """Add several options, in the order of the help."""
+
+    def decorate(command: Command) -> Command:
+        return functools.reduce(lambda wrapped, option: option(wrapped), reversed(options), command)
+
+    return decorate
 
 
-def parse_mounts(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, Any]:
-    """[FRAME=]X,Y,YAW or [FRAME=]X,Y,Z,ROLL,PITCH,YAW as transforms (4, 4) by frame; '' stands for any frame."""
-    from mclcli.geometry import se3
+def together(kind: type[Any], name: str, *options: Callable[[Command], Command]) -> Callable[[Command], Command]:
+    """Add several options that a command gets as one value ``name`` of the dataclass ``kind``."""
+    names = [field.name for field in fields(kind)]
 
-    del ctx
-    mounts: dict[str, Any] = {}
-    for value in values:
-        frame, _, numbers = value.rpartition("=")
-        if numbers.count(",") == 2:
-            x, y, yaw = parse_list(numbers, POSE_UNITS, "--mount")
-            mounts[frame.lstrip("/")] = se3.from_rpy([x, y, 0.0], 0.0, 0.0, yaw)
-        elif numbers.count(",") == 5:
-            x, y, z, roll, pitch, yaw = parse_list(numbers, MOUNT_UNITS, "--mount")
-            mounts[frame.lstrip("/")] = se3.from_rpy([x, y, z], roll, pitch, yaw)
-        else:
-            raise click.BadParameter(f"'{value}' is neither X,Y,YAW nor X,Y,Z,ROLL,PITCH,YAW", param=param)
-    return mounts
+    def decorate(command: Command) -> Command:
+        @functools.wraps(command)
+        def gathered(**arguments: Any) -> Any:
+            arguments[name] = kind(**{key: arguments.pop(key) for key in names})
+            return command(**arguments)
+
+        return all_of(*options)(gathered)  # type: ignore[arg-type]
+
+    return decorate
 
 
-def parse_settings(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:
-    """KEY=VALUE pairs of --set; the last one of a key counts."""
-    del ctx
-    pairs = [value.partition("=") for value in values]
-    for key, equals, _ in pairs:
-        if not equals:
-            raise click.BadParameter(f"'{key}' is not KEY=VALUE", param=param)
-    return {key.strip(): text.strip() for key, _, text in pairs}
-
-
-def parse_temperature(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, float | str]:
-    """[SENSOR=]ALPHA|auto|ess by sensor; '' stands for all."""
-    from mclcli.quantity import parse_quantity
-
-    del ctx
-    temperature: dict[str, float | str] = {}
-    for value in values:
-        sensor, _, text = value.rpartition("=")
-        alpha = text if text in {"auto", "ess"} else parse_quantity(text, "", "--temperature")
-        if isinstance(alpha, float) and not 0.0 < alpha <= 1.0:
-            raise click.BadParameter(f"{text} is not in (0, 1]; 1 leaves the likelihood as it is", param=param)
-        temperature[sensor] = alpha
-    return temperature
+Color = Literal["auto", "always", "never"]
 
 
 def common(command: Command) -> Command:
-    """-v, -q, --color, --threads, --cache-dir, --debug; sets the console up before the command runs."""
+    """-v, -q, --color, --cache-dir, --debug; sets the console up before the command runs."""
 
     @functools.wraps(command)
     def wrapped(
-        *args: Any, verbose: int, quiet: bool, color: str, cache_dir: Path | None, debug: bool, **rest: Any
+        *args: Any, verbose: int, quiet: bool, color: Color, cache_dir: Path | None, debug: bool, **rest: Any
     ) -> Any:
         from mclcli.cli import console
 
@@ -101,33 +87,17 @@ def common(command: Command) -> Command:
             console.use_cache(cache_dir)
         return command(*args, **rest)
 
-    for option in reversed(
-        (
-            click.option(
-                "--cache-dir",
-                type=click.Path(path_type=Path, file_okay=False),
-                help="Where fields and compiled kernels are kept.",
-            ),
-            click.option(
-                "--color",
-                type=click.Choice(["auto", "always", "never"]),
-                default="auto",
-                help="Colours on the terminal.",
-            ),
-            click.option("-v", "--verbose", count=True, help="Say more on stderr."),
-            click.option("-q", "--quiet", is_flag=True, help="Say nothing on stderr but errors."),
-            click.option("--debug", is_flag=True, help="Show the traceback of an error."),
-        )
-    ):
-        wrapped = option(wrapped)
-    return wrapped  # type: ignore[return-value]
-
-
-def _all(*options: Callable[[Command], Command]) -> Callable[[Command], Command]:
-    def decorate(command: Command) -> Command:
-        return functools.reduce(lambda wrapped, option: option(wrapped), reversed(options), command)
-
-    return decorate
+    return all_of(
+        click.option(
+            "--cache-dir",
+            type=click.Path(path_type=Path, file_okay=False),
+            help="Where fields and compiled kernels are kept.",
+        ),
+        click.option("--color", type=click.Choice(get_args(Color)), default="auto", help="Colours on the terminal."),
+        click.option("-v", "--verbose", count=True, help="Say more on stderr."),
+        click.option("-q", "--quiet", is_flag=True, help="Say nothing on stderr but errors."),
+        click.option("--debug", is_flag=True, help="Show the traceback of an error."),
+    )(wrapped)  # type: ignore[return-value]
 
 
 threads = click.option(
@@ -141,7 +111,25 @@ threads = click.option(
 
 map_file = click.argument("map_file", metavar="MAP", type=click.Path(path_type=Path))
 
-map_limits = _all(
+
+@final
+@dataclass(frozen=True, slots=True)
+class MapLimits:
+    """Which maps are loaded: of at most ``max_cells`` cells, and with an image outside their folder or not."""
+
+    max_cells: int
+    allow_outside: bool
+
+    def load(self, path: Path) -> OccupancyGrid:
+        """Load a map within these limits; errors as of ``mclcli.io.maps.map_yaml.load_map``."""
+        from mclcli.io.maps.map_yaml import load_map
+
+        return load_map(path, max_cells=self.max_cells, allow_outside=self.allow_outside)
+
+
+map_limits = together(
+    MapLimits,
+    "map_limits",
     click.option(
         "--max-cells",
         metavar="N",
@@ -153,11 +141,46 @@ map_limits = _all(
     click.option("--allow-outside", is_flag=True, help="Let the YAML name an image outside its own folder."),
 )
 
-parameters = _all(
+
+@final
+@dataclass(frozen=True, slots=True)
+class ScanSource:
+    """The scan to look at: a text file, standard input, or in a log the one nearest to a time, or of a number."""
+
+    scan: str
+    at: LogTime | None
+    index: int | None
+    scan_topic: str | None
+
+
+scan_source = together(
+    ScanSource,
+    "source",
+    click.argument("scan", metavar="SCAN"),
+    click.option("--at", metavar="TIME", callback=parse_at, help="Of a log: the scan nearest to this time."),
+    click.option("--index", metavar="N", type=click.IntRange(min=0), help="Of a log: the scan of this number, from 0."),
+    click.option("--scan-topic", metavar="TOPIC", help="Of a log: the topic of the scan."),
+)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ParameterOptions:
+    """Where parameters come from: a profile, a lidar model, the file of --params, and the pairs of --set."""
+
+    profile: Profile | None
+    model: str | None
+    params: Path | None
+    settings: Mapping[str, str]
+
+
+parameters = together(
+    ParameterOptions,
+    "parameters",
     click.option(
         "--profile",
-        type=click.Choice(PROFILE_NAMES),
-        help="Whose semantics.  [default: textbook, or whose file --params is]",
+        type=click.Choice(get_args(Profile)),
+        help="Whose rules and defaults to follow.  [default: textbook, or those of the file of --params]",
     ),
     click.option(
         "--model",
@@ -179,7 +202,19 @@ parameters = _all(
     ),
 )
 
-model = _all(
+
+@final
+@dataclass(frozen=True, slots=True)
+class SensorOptions:
+    """Temperatures by sensor, and mounts (4, 4) by frame; the key '' stands for all."""
+
+    temperature: Mapping[str, Temperature]
+    mounts: Mapping[str, FloatArray]
+
+
+sensors = together(
+    SensorOptions,
+    "sensors",
     click.option(
         "--temperature",
         multiple=True,
@@ -197,41 +232,3 @@ model = _all(
         help="Where a sensor sits on the base; also X,Y,Z,ROLL,PITCH,YAW.",
     ),
 )
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Chosen:
-    """Settings, and the file of --params that they come from, if any; ``tentative`` are what only the file says."""
-
-    settings: Settings
-    file: FileParameters | None
-    tentative: frozenset[str] = frozenset()
-
-
-def choose_settings(
-    arguments: dict[str, Any], base: dict[str, object], flags: dict[str, object] | None = None
-) -> Chosen:
-    """Settings of --params and --set over a command's own defaults: flag > --set > --params > default.
-
-    What there is to say about the file is said.
-    """
-    from mclcli.cli import console
-    from mclcli.settings import profiles
-
-    profile, model = arguments["profile"], arguments["model"]
-    given = profiles.spelled_out(arguments["settings"]) | profiles.spelled_out(flags or {})
-    if arguments["params"] is None:
-        values = {**base, **given}
-        return Chosen(profiles.build(values, profile=profile or "textbook", model=model or "likelihood_field"), None)
-    from mclcli.settings.robots.reading import load, settings_of
-
-    file = load(arguments["params"], profile=profile, model=model)
-    settings = settings_of(file, given, base=base, profile=profile, model=model)
-    if not file.remarks:
-        console.detail(f"{file.name}: parameters in {file.dialect}'s own dialect")
-    for line in file.remarks:
-        console.remark(line)
-    for line in file.warnings:
-        console.warn(line)
-    return Chosen(settings, file, file.tentative - set(given))

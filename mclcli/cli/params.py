@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import dataclass
+from typing import Literal, final, get_args
 
 import click
 
 from mclcli.cli import console, options
+from mclcli.cli.chosen import choose_settings
+
+Form = Literal["mcl", "nav2"]
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class ParamsOptions:
+    """What ``mcl params`` is asked for."""
+
+    parameters: options.ParameterOptions
+    form: Form
 
 
 @click.command("params", short_help="Print every parameter with its effective value and meaning.")
@@ -14,17 +27,17 @@ from mclcli.cli import console, options
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["mcl", "nav2"]),
+    type=click.Choice(get_args(Form)),
     default="mcl",
     show_default=True,
     help="mcl's own names with their meanings, or a file for nav2_amcl.",
 )
-@options.threads
 @options.common
-def command(**arguments: Any) -> None:
-    """Effective parameters as YAML that --params reads, with units and meanings."""
-    chosen = options.choose_settings(arguments, {})
-    if arguments["form"] == "nav2":
+@options.into(ParamsOptions)
+def command(params: ParamsOptions) -> None:
+    """Print the effective parameters as YAML that --params reads, with units and meanings."""
+    chosen = choose_settings(params.parameters, {})
+    if params.form == "nav2":
         from mclcli.settings.robots.writing import to_nav2
 
         click.echo(to_nav2(chosen.settings, chosen.file), nl=False)
@@ -45,7 +58,7 @@ def _comments() -> dict[str, str]:
         for _, name, _, description in profiles.table()
     }
     return {
-        "profile": "whose rules: textbook, nav2 or beluga, as --profile",
+        "profile": "rules and defaults to follow: textbook, nav2 or beluga, as --profile",
         "model": "lidar model, as --model",
         **meanings,
     }

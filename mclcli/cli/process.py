@@ -10,13 +10,11 @@ from typing import TYPE_CHECKING, NoReturn, final
 
 import click
 
-from mclcli.errors import InputError, MclError
+from mclcli.errors import ExitCode, InputError, MclError
 from mclcli.text import clean
 
 if TYPE_CHECKING:
     from types import FrameType
-
-INTERNAL_ERROR = 70
 
 
 def run(group: click.Group, args: list[str]) -> int:
@@ -37,7 +35,7 @@ def run(group: click.Group, args: list[str]) -> int:
         code = _explain(error)
         _give_up_output()
         return code
-    return code if isinstance(code, int) else 0
+    return code if isinstance(code, int) else ExitCode.COMPLETE
 
 
 @final
@@ -77,7 +75,7 @@ def _explain(error: Exception) -> int:
         return error.exit_code
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
         error.show()
-        return 2
+        return ExitCode.USAGE
     message, code = _sentence(error)
     click.echo(f"mcl: error: {clean(message, 1000)}", err=True)
     return code
@@ -87,20 +85,20 @@ def _sentence(error: Exception) -> tuple[str, int]:
     """One line for the user, and the exit code."""
     match error:
         case click.ClickException():
-            return _click_message(error), 2
+            return _click_message(error), ExitCode.USAGE
         case MclError():
             return str(error), error.exit_code
         case MemoryError():
-            return "out of memory; fewer particles or poses, or a smaller map, need less", 1
+            return "out of memory; fewer particles or poses, or a smaller map, need less", ExitCode.FAILED
         case FileNotFoundError():
-            return f"{error.filename}: no such file", 2
+            return f"{error.filename}: no such file", ExitCode.USAGE
         case OSError():
-            return f"{error.filename or 'input or output'}: {error.strerror or error}", 1
+            return f"{error.filename or 'input or output'}: {error.strerror or error}", ExitCode.FAILED
         case _:
             where = f"{type(error).__name__}: {error}"
             return (
                 f"internal error: {where}; this is a bug in mcl: run again with --debug and report it",
-                INTERNAL_ERROR,
+                ExitCode.INTERNAL,
             )
 
 

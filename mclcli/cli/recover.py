@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, final
 
 import click
 
 from mclcli.cli import console, options
-from mclcli.errors import InputError
+from mclcli.errors import ExitCode, InputError
 from mclcli.text import clean
 
 if TYPE_CHECKING:
@@ -19,15 +20,22 @@ if TYPE_CHECKING:
     from mclcli.io.traces.output import Output
     from mclcli.io.traces.recovered_mcap import RecoveredMcap
 
-DAMAGED = 3
+
+@final
+@dataclass(frozen=True, slots=True)
+class RecoverOptions:
+    """What ``mcl recover`` is asked for."""
+
+    logs: tuple[str, ...]
+    output: str
 
 
 @click.command("recover", short_help="Save every whole message of a damaged log into a clean MCAP.")
 @click.argument("logs", metavar="DAMAGED...", nargs=-1, required=True)
 @click.option("-o", "--output", metavar="GOOD.mcap", required=True, help="Where to write; - is stdout.")
-@options.threads
 @options.common
-def command(logs: tuple[str, ...], output: str, **_: Any) -> int:
+@options.into(RecoverOptions)
+def command(recover: RecoverOptions) -> ExitCode:
     """Write what can be read of DAMAGED (a file, a rosbag2 folder, several, or -) into an indexed, checksummed MCAP.
 
     Messages keep their bytes, types and times: those of ROS 1 stay ROS 1. Exits with 0 if all of them were saved, with
@@ -37,18 +45,18 @@ def command(logs: tuple[str, ...], output: str, **_: Any) -> int:
     from mclcli.io.logs.base import Tally
     from mclcli.io.traces.output import open_output
 
-    log = open_log(logs, stdin=sys.stdin.buffer if "-" in logs else None)
+    log = open_log(recover.logs, stdin=sys.stdin.buffer if "-" in recover.logs else None)
     tally = Tally()
-    inputs = [Path(name) for name in logs]
-    sink = open_output(output, binary=True, inputs=inputs)
+    inputs = [Path(name) for name in recover.logs]
+    sink = open_output(recover.output, binary=True, inputs=inputs)
     try:
         with sink:
             saved = _save(log, tally, sink)
     except (KeyboardInterrupt, SystemExit):
         console.tell_kept(sink.kept)
         raise
-    _report(output, saved, tally)
-    return DAMAGED if tally.lossy else 0
+    _report(recover.output, saved, tally)
+    return ExitCode.DAMAGED if tally.lossy else ExitCode.COMPLETE
 
 
 def _save(log: Log, tally: Tally, sink: Output) -> RecoveredMcap:

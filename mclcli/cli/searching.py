@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mclcli.errors import UsageError
 from mclcli.io.maps.field_cache import cached_field
@@ -14,10 +14,13 @@ from mclcli.replay.setup import alpha_of, lidar_model
 from mclcli.sensors.likelihood_field import LikelihoodField
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from mclcli.filter.recovery import Proposal
     from mclcli.filter.start import Start
     from mclcli.io.recording.roles import Roles
     from mclcli.replay.finder import GlobalSearch, Limits
+    from mclcli.sensors import Temperature
     from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
@@ -27,10 +30,10 @@ def global_search(
     settings: Settings,
     grid: OccupancyGrid,
     landmarks: Landmarks | None,
-    alpha: float | str = "auto",
+    alpha: Temperature = "auto",
     limits: Limits | None = None,
 ) -> GlobalSearch:
-    """The search that the settings ask for; with the beam model the likelihood field finds what that looks at again."""
+    """The search that the settings ask for; with the beam model, the likelihood field finds what that model weighs."""
     if settings.model == "beam":
         settings = dataclasses.replace(settings, model="likelihood_field")
     model = lidar_model(grid, settings, lambda *what, **how: cached_field(*what, **how)[0], 0.0)
@@ -46,7 +49,7 @@ def global_search(
     )
 
 
-def temperature_of(temperature: dict[str, float | str]) -> float | str:
+def temperature_of(temperature: Mapping[str, Temperature]) -> Temperature:
     """Temperature of a search.
 
     Raises
@@ -62,18 +65,19 @@ def temperature_of(temperature: dict[str, float | str]) -> float | str:
 
 
 def search_for(
-    arguments: dict[str, Any],
     settings: Settings,
     grid: OccupancyGrid | None,
     landmarks: Landmarks | None,
     parts: Roles,
     start: Start | None,
+    *,
+    anywhere: bool,
 ) -> tuple[Start | None, Proposal | None]:
     """Start and proposal of a run that a search of the map takes part in, each where it is asked for and possible.
 
-    ``start`` is what else says where the run begins. Without a lidar or a map there is nothing to search.
+    ``start`` is what else says where the run begins; with ``anywhere`` a search says it. Without a lidar or a map
+    there is nothing to search.
     """
-    anywhere = start is None and arguments["init"] != "uniform" and not arguments["follow_initialpose"]
     again = settings.recovery.recovery == "locate" and settings.recovery.enabled
     if grid is None or not parts.scan or not (anywhere or again):
         return start, None

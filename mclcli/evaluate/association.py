@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -14,11 +14,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.arrays import BoolArray, FloatArray, IntArray
+    from mclcli.evaluate import Method
     from mclcli.geometry.trajectory import Trajectory
 
     Pick = tuple[NDArray[np.intp], FloatArray]
-
-Method = Literal["interpolate", "nearest"]
 
 
 @final
@@ -28,7 +27,7 @@ class Matching:
 
     ``interpolate``: the reference at each pose of the track, between two of its poses at most ``max_gap_ns`` apart.
     ``nearest``: each pose of the shorter of the two with the nearest in time of the longer, at most ``max_diff_ns``
-    away; of two equally near the earlier one. So pairs evo (``evo.core.sync``, default 0.01 s).
+    away; of two equally near the earlier one. evo pairs in the same way (``evo.core.sync``, default 0.01 s).
     """
 
     method: Method = "interpolate"

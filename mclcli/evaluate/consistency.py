@@ -32,7 +32,7 @@ class Consistency:
 
     ``anees``: mean NEES / 3, 1 for honest covariances, more for overconfident ones. ``band``: where it lies in 95 of
     100 cases if the filter is consistent and the ``count`` poses were independent, which those of one track are not:
-    the errors of one drive last. ``inside``: share of single poses within the 95 % band of χ² with 3 degrees of
+    errors last from pose to pose. ``inside``: share of single poses within the 95 % band of χ² with 3 degrees of
     freedom. ``singular`` covariances, of a single particle, are left out of everything.
     """
 
@@ -95,8 +95,8 @@ def anees_over_runs(runs: Sequence[FloatArray]) -> FloatArray:
 class MomentsConsistency:
     """ANEES over ``runs`` tracks at each of ``moments`` at which all of them made an update.
 
-    ``inside``: share of the moments with an ANEES within ``band``, about 95 % if the runs' noise is independent: of
-    simulated drives with other noise it is, of other seeds over one log it is not.
+    ``inside``: share of the moments with an ANEES within ``band``, about 95 % if the runs' noise is independent, as it
+    is in simulated drives, but not in runs of other seeds over one log.
     """
 
     runs: int

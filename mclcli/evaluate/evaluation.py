@@ -131,7 +131,7 @@ def _found_after(pairs: Pairs, lost: list[Loss]) -> float | None:
 
 
 def as_plain(evaluation: Evaluation) -> dict[str, Any]:
-    """An evaluation as JSON can hold it: metres, radians, seconds, absolute seconds for stamps; None for what is not.
+    """An evaluation as JSON can hold it: metres, radians, seconds, absolute seconds for stamps, None for no value.
 
     Names of keys are part of the output of ``mcl eval --json``.
     """

@@ -34,7 +34,7 @@ class Limits:
 
 
 def missed(evaluation: Evaluation, limits: Limits) -> list[str]:
-    """One sentence for each limit that a track misses; what it cannot tell counts as missed."""
+    """One sentence for each limit that a track misses; a limit on a figure that is unknown counts as missed."""
     e = evaluation
     return [*_errors_missed(e, limits), *_events_missed(e, limits), *_shares_missed(e, limits)]
 

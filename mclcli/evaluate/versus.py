@@ -26,11 +26,6 @@ class Comparison:
     differences: PoseErrors
     apart: tuple[Loss, ...]
 
-    @property
-    def first_apart_ns(self) -> int | None:
-        """Stamp at which the two first parted; None if they never did."""
-        return self.apart[0].start_ns if self.apart else None
-
 
 def compare(track: Trajectory, belief: Trajectory, rule: Rule = APART) -> Comparison:
     """Compare a track with a belief at the track's stamps.

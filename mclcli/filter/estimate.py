@@ -35,7 +35,7 @@ def report(
     covariance_of: str = "set",
     most: int = 0,
 ) -> tuple[Estimate, FindHypotheses]:
-    """The estimate, and what finds the heaviest clusters, at most so many, once somebody asks for them.
+    """The estimate, and a function that finds the heaviest clusters, at most so many, when it is called.
 
     Mean and covariance are each of the whole ``set`` or of its ``heaviest`` cluster; nav2_amcl takes one of each. Of a
     large set hypotheses are those of 2,000 of its particles: clusters of less weight are not worth reporting.

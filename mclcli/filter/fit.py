@@ -37,9 +37,9 @@ def of_each(measurements: Sequence[Measurement], log_evidences: Sequence[float])
 
 
 def trust(fit: float, ignored: float, trusted: float) -> float:
-    """What is left of a temperature where a reading fits so badly: 1 from ``trusted`` on, 1/20 from ``ignored`` down.
+    """Factor on the temperature of a reading, by its fit: 1 from ``trusted`` on, 1/20 up to ``ignored``.
 
-    A scan of a wing that the map lacks pulls particles to whatever wall looks most like it, be it ever so unlike.
+    A scan of a wing that the map lacks would else pull particles to whatever wall of the map looks most like it.
     """
     if fit >= trusted:
         return 1.0

@@ -11,7 +11,7 @@ Source: Fox 2003, eq. 7; Thrun, Burgard, Fox 2005, table 8.4.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Literal, final, get_args
 
 import numpy as np
 
@@ -30,6 +30,9 @@ BIN_YAW = np.radians(10.0)
 YAW_BINS = 36  # of a whole turn
 
 
+KldQuantile = Literal["probability", "z"]
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class KldParameters:
@@ -45,7 +48,7 @@ class KldParameters:
     max_particles: int = parameter(2000, "largest number of particles, and how many to start with", low=1, in_nav2=True)
     pf_err: float = parameter(0.05, "largest Kullback-Leibler distance to the true belief", above=0.0, in_nav2=True)
     pf_z: float = parameter(0.99, "probability that pf_err holds, or its normal quantile", above=0.0, in_nav2=True)
-    kld_quantile: str = parameter("probability", "what pf_z is", choices=("probability", "z"))
+    kld_quantile: KldQuantile = parameter("probability", "what pf_z is", choices=get_args(KldQuantile))
     kld_unlimited_bins: int = parameter(
         0, "with so many bins occupied or fewer, draw max_particles; 0: never (nav2_amcl: 1, Beluga: 2)", low=0, high=2
     )

@@ -6,27 +6,53 @@ Source: Thrun, Burgard, Fox 2005, table 8.2, with weights carried in log domain 
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple, final
 
 import numpy as np
 
 from mclcli import rng
-from mclcli.filter import estimate, fit, policies, recovery, scoring, temperature, weights
+from mclcli.filter import estimate, fit, recovery, temperature, weights
 from mclcli.filter.kld import KldParameters, kld_size
 from mclcli.filter.recovery import RecoveryParameters
 from mclcli.filter.resampling import RESAMPLERS
-from mclcli.filter.state import FilterState, uniform_log_weights
 from mclcli.records import StepRecord
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from mclcli.arrays import FloatArray
     from mclcli.filter.parameters import FilterParameters
     from mclcli.filter.recovery import Averages, Propose
+    from mclcli.filter.temperature import Correlation
     from mclcli.motion import MotionModel
     from mclcli.sensors import Measurement
+
+
+_WAY = (0.1, 0.1)  # [m], [rad]
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class FilterState:
+    """Particles (N, 3) and their normalised log-weights (N,) between two steps.
+
+    ``correlations`` are what temperature ``auto`` measured, by sensor; ``way`` is how far the robot has moved [m] and
+    turned [rad] since the particles were resampled; ``averages`` tell how well readings have fitted.
+    """
+
+    step: int
+    poses: FloatArray
+    log_weights: FloatArray
+    correlations: Mapping[str, Correlation] = field(default_factory=dict)
+    way: tuple[float, float] = (0.0, 0.0)
+    averages: Averages | None = None
+
+
+def initial_state(poses: FloatArray, step: int = 0) -> FilterState:
+    """Equally weighted particles."""
+    return FilterState(step, poses, weights.uniform_log_weights(poses.shape[0]))
 
 
 class _At(NamedTuple):
@@ -75,12 +101,12 @@ class Localizer:
         ``propose`` draws poses anew for a robot that seems lost; without it none are.
         """
         poses = self._propagate(state, increment)
-        log_likelihoods = scoring.score(measurements, poses)
-        log_evidence, evidences = scoring.evidences(state.log_weights, log_likelihoods)
+        log_likelihoods = weights.score(measurements, poses)
+        log_evidence, evidences = weights.evidences(state.log_weights, log_likelihoods)
         alphas = self._temper(state, measurements, log_likelihoods, evidences)
         weighed = self._weigh(state.log_weights, alphas, log_likelihoods)
         record = self._record(_At(state.step, stamp_ns, segment), poses, measurements, weighed, log_evidence)
-        averages, way = self._observe(state.averages, record), policies.add_way(state.way, increment)
+        averages, way = self._observe(state.averages, record), add_way(state.way, increment)
         record = self._decide(record, way, averages if propose else None)
         after = self._resample(record, propose) if record.resampled else _carry(record, weighed.log_total)
         if self.parameters.estimate == "after":
@@ -120,10 +146,12 @@ class Localizer:
 
     def _weigh(self, carried: FloatArray, alphas: tuple[float, ...], log_likelihoods: FloatArray) -> _Weighed:
         """log w_t = log w_{t−1} + Σ α · log p, its softmax, and whether the measurement had to be ignored."""
-        log_weights = carried + scoring.temper(alphas, log_likelihoods)
+        log_weights = carried + weights.temper(alphas, log_likelihoods)
         degenerate = not weights.usable(log_weights)
         if degenerate:
-            log_weights = carried if self.parameters.degenerate == "carry" else uniform_log_weights(carried.size)
+            log_weights = (
+                carried if self.parameters.degenerate == "carry" else weights.uniform_log_weights(carried.size)
+            )
         return _Weighed(alphas, log_likelihoods, log_weights, *weights.softmax(log_weights), degenerate)
 
     def _record(
@@ -180,9 +208,9 @@ class Localizer:
             lot = rng.stream(self.seed, rng.Purpose.LOT, record.step).random()
             injected = int(averages.share * n + lot)  # share·n on average, as near to it as whole numbers are
         due = (
-            policies.is_turn_of(record.step, p.resample_interval)
-            and (not p.resample_moved or policies.is_way(way))
-            and policies.is_depleted(record.ess, n, p.resample_ess)
+            is_turn_of(record.step, p.resample_interval)
+            and (not p.resample_moved or is_way(way))
+            and is_depleted(record.ess, n, p.resample_ess)
         )
         return dataclasses.replace(record, resampled=True, injected=injected) if due or injected else record
 
@@ -201,7 +229,7 @@ class Localizer:
         poses = record.poses.take(ancestors, axis=0)
         if anew.size:
             poses = np.concatenate([poses, anew])
-        return FilterState(record.step + 1, poses, uniform_log_weights(n))
+        return FilterState(record.step + 1, poses, weights.uniform_log_weights(n))
 
     def _wanted_size(self, record: StepRecord, anew: FloatArray) -> int:
         """Particles to draw: KLD sampling looks at a draw of the largest number, which is then thrown away."""
@@ -216,3 +244,23 @@ class Localizer:
 def _carry(record: StepRecord, log_total: float) -> FilterState:
     """The same particles, their log-weights normalised by log Σ e^log_weights."""
     return FilterState(record.step + 1, record.poses, record.log_weights - log_total)
+
+
+def add_way(way: tuple[float, float], increment: FloatArray) -> tuple[float, float]:
+    """Metres moved and radians turned, with another increment (3,)."""
+    return way[0] + math.hypot(increment[0], increment[1]), way[1] + abs(float(increment[2]))
+
+
+def is_way(way: tuple[float, float]) -> bool:
+    """Whether so much was moved [m] or turned [rad] that particles are no longer copies of each other."""
+    return way[0] >= _WAY[0] or way[1] >= _WAY[1]
+
+
+def is_depleted(ess: float, n: int, fraction: float) -> bool:
+    """Whether the effective sample size fell below a fraction of the particles; always with a fraction of 1."""
+    return ess < fraction * n or fraction == 1.0
+
+
+def is_turn_of(step: int, interval: int) -> bool:
+    """Whether a step, counted from 0, is the last of its ``interval`` steps."""
+    return (step + 1) % interval == 0

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import final
+from typing import Literal, final, get_args
 
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.parameters import parameter, validate
+
+Estimated = Literal["before", "after"]
+Averaged = Literal["set", "heaviest"]
+Degenerate = Literal["carry", "uniform"]
+Gate = Literal["euclidean", "per_axis"]
 
 
 @final
@@ -17,7 +22,7 @@ class FilterParameters:
     resampler: str = parameter("systematic", "how ancestors are drawn", choices=tuple(RESAMPLERS))
     resample_ess: float = parameter(
         0.5,
-        "resample when the effective sample size falls below this share of the particles; 1: whatever it is",
+        "resample when the effective sample size falls below this share of the particles; 1: always",
         low=0.0,
         high=1.0,
     )
@@ -37,36 +42,36 @@ class FilterParameters:
     fit_ignored: float = parameter(
         0.5, "temperature `auto`: a reading that fits no better than this counts 1/20", low=0.0, high=1.0
     )
-    estimate: str = parameter(
+    estimate: Estimated = parameter(
         "before",
         "the estimate is of the weighted set before resampling, or of the set after",
-        choices=("before", "after"),
+        choices=get_args(Estimated),
     )
-    estimate_mean: str = parameter(
-        "set", "the pose reported is the mean of the whole set, or of its heaviest cluster", choices=("set", "heaviest")
+    estimate_mean: Averaged = parameter(
+        "set", "the pose reported is the mean of the whole set, or of its heaviest cluster", choices=get_args(Averaged)
     )
-    estimate_covariance: str = parameter(
+    estimate_covariance: Averaged = parameter(
         "set",
         "the covariance reported is that of the whole set, or of its heaviest cluster",
-        choices=("set", "heaviest"),
+        choices=get_args(Averaged),
     )
     hypotheses: int = parameter(
         4, "clusters of particles reported at every update, the heaviest first; 0: none", low=0, high=100
     )
-    degenerate: str = parameter(
+    degenerate: Degenerate = parameter(
         "carry",
         "where no weight is left, the carried ones stay, or all become equal",
-        choices=("carry", "uniform"),
+        choices=get_args(Degenerate),
     )
-    gate: str = parameter(
+    gate: Gate = parameter(
         "euclidean",
         "update_min_d is a distance, or bounds x and y of the odometry frame each",
-        choices=("euclidean", "per_axis"),
+        choices=get_args(Gate),
     )
     update_min_d: float = parameter(0.25, "motion that calls for an update", unit="m", low=0.0, in_nav2=True)
     update_min_a: float = parameter(0.2, "turn that calls for an update", unit="rad", low=0.0, in_nav2=True)
-    vision_min_d: float = parameter(0.02, "the same in runs without a lidar", unit="m", low=0.0)
-    vision_min_a: float = parameter(0.02, "the same in runs without a lidar", unit="rad", low=0.0)
+    vision_min_d: float = parameter(0.02, "motion that calls for an update in runs without a lidar", unit="m", low=0.0)
+    vision_min_a: float = parameter(0.02, "turn that calls for an update in runs without a lidar", unit="rad", low=0.0)
 
     def __post_init__(self) -> None:
         validate(self)

@@ -18,10 +18,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, final
+from typing import TYPE_CHECKING, Literal, Protocol, final, get_args
 
 from mclcli.errors import UsageError
-from mclcli.filter import particles
+from mclcli.filter import Recovery, particles
 from mclcli.parameters import parameter, validate
 
 if TYPE_CHECKING:
@@ -40,16 +40,19 @@ if TYPE_CHECKING:
 _LOG_ZERO = -math.inf
 
 
+RecoveryRule = Literal["per_beam", "linear", "normalised"]
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class RecoveryParameters:
     """Whether and how particles are drawn anew when the robot seems lost."""
 
-    recovery: str = parameter(
+    recovery: Recovery = parameter(
         "off",
         "where particles are drawn anew when readings fit worse than they used to: nowhere; anywhere on the map; where "
         "a search of the map finds the readings",
-        choices=("off", "uniform", "locate"),
+        choices=get_args(Recovery),
     )
     recovery_alpha_slow: float = parameter(
         0.001, "rate of the slow average of how well readings fit; 0: never recover", low=0.0, high=1.0, in_nav2=True
@@ -57,10 +60,10 @@ class RecoveryParameters:
     recovery_alpha_fast: float = parameter(
         0.1, "rate of the fast average; 0: never recover", low=0.0, high=1.0, in_nav2=True
     )
-    recovery_rule: str = parameter(
+    recovery_rule: RecoveryRule = parameter(
         "per_beam",
         "how well readings fit: likelihood per beam, their whole likelihood, or the mean of normalised weights (1/N)",
-        choices=("per_beam", "linear", "normalised"),
+        choices=get_args(RecoveryRule),
         source="linear: nav2_amcl; normalised: Beluga",
     )
 
@@ -117,7 +120,7 @@ def _mix(log_w: float, log_v: float, alpha: float) -> float:
     return peak if peak == _LOG_ZERO else peak + math.log(sum(math.exp(part - peak) for part in parts))
 
 
-def log_fit(record: StepRecord, rule: str) -> float | None:
+def log_fit(record: StepRecord, rule: RecoveryRule) -> float | None:
     """Log v of one update by a rule, None where there is nothing to judge."""
     if record.degenerate or record.beams_used == 0 or not math.isfinite(record.log_evidence):
         return None
@@ -148,7 +151,7 @@ class Proposal(Protocol):
 
     Called within a step, after the weights are known and before resampling, and only if particles are to be drawn
     anew; their share is the caller's business. Must depend on nothing but its arguments, and take all randomness from
-    ``rng``, which belongs to this step. Raising is not expected: without a better idea draw from everywhere.
+    ``rng``, which belongs to this step. It must not raise: without a better idea it draws from everywhere.
     """
 
     def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:

@@ -44,7 +44,7 @@ class Opening:
 
 @final
 class Patience(Enum):
-    """What a start answers that cannot place particles yet.
+    """The answer of a start that cannot place particles yet.
 
     ``SKIP``: not at this stamp; the reading is counted as skipped, and the next one asks again. ``HOLD``: the readings
     are kept, and the start is asked again with one more, until it answers or they are ``complete``; then the run

@@ -7,7 +7,7 @@ sure as K independent ones would be; α = K_eff / K makes up for that.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Final, final
 
 import numpy as np
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
     from mclcli.sensors import Measurement
 
-AUTO, ESS = "auto", "ess"
+AUTO: Final = "auto"
+ESS: Final = "ess"
 _AUTO_BOUNDS = (0.05, 1.0)
 _AUTO_START = 0.5  # before anything was measured
 _AUTO_MEMORY = 0.1  # share of the newest scan in the running average: about the last ten count

@@ -56,9 +56,9 @@ def in_order(
     covariances: FloatArray | None = None,
     updated: BoolArray | None = None,
 ) -> Trajectory:
-    """Trajectory of poses as they arrived: what was said later overrules what was said for that time or a later one.
+    """Trajectory of poses as they arrived: a pose replaces those that came before it with the same or a later stamp.
 
-    Of equal stamps the last one counts; where a clock jumped back, what it told twice counts as told the last time.
+    So where a clock jumped back, what was recorded after the jump counts.
     """
     later = np.minimum.accumulate(stamps_ns[::-1])[::-1]
     chosen = np.ones(stamps_ns.size, dtype=np.bool_)
@@ -69,7 +69,7 @@ def in_order(
 
 @final
 class Track:
-    """Points of a replay so far, as compact columns; only how long it has lasted if not ``whole``."""
+    """Points of a replay so far, as compact columns; without ``whole`` only their span of time."""
 
     def __init__(self, *, whole: bool = True) -> None:
         self._whole = whole

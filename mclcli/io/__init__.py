@@ -1,1 +1,1 @@
-"""Files in and out: the only room that knows their formats."""
+"""Files in and out: the only package that knows their formats."""

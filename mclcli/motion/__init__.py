@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol, final
 
-from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
+from mclcli.motion.differential import DifferentialMotion, DifferentialParameters, TurnNoise
 from mclcli.motion.omnidirectional import OmnidirectionalMotion, OmnidirectionalParameters
 from mclcli.motion.stationary import StationaryMotion, StationaryParameters
-from mclcli.parameters import parameter, validate
+from mclcli.parameters import parameter, parameter_of, validate
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mclcli.arrays import FloatArray
+    from mclcli.motion.noise import Scaling
     from mclcli.parameters import ParameterSet
 
 
@@ -61,27 +61,21 @@ MOTIONS: dict[Word, Word] = {
 }
 
 
-def _of(parameters: type[ParameterSet], name: str) -> Any:  # noqa: ANN401 - as dataclasses.field
-    """The same parameter again: its default and description are written once, beside the model."""
-    own = parameters.__dataclass_fields__[name]
-    return dataclasses.field(default=own.default, metadata=own.metadata)
-
-
 @final
 @dataclass(frozen=True, slots=True)
 class MotionParameters:
     """Which motion model, and the parameters of all of them; each model takes those it has."""
 
     robot_model_type: str = parameter("differential", "how the robot moves", choices=tuple(MODELS), in_nav2=True)
-    alpha1: float = _of(OmnidirectionalParameters, "alpha1")
-    alpha2: float = _of(OmnidirectionalParameters, "alpha2")
-    alpha3: float = _of(OmnidirectionalParameters, "alpha3")
-    alpha4: float = _of(OmnidirectionalParameters, "alpha4")
-    alpha5: float = _of(OmnidirectionalParameters, "alpha5")
-    turn_noise: str = _of(DifferentialParameters, "turn_noise")
-    noise_scaling: str = _of(DifferentialParameters, "noise_scaling")
-    stationary_sigma_xy: float = _of(StationaryParameters, "stationary_sigma_xy")
-    stationary_sigma_yaw: float = _of(StationaryParameters, "stationary_sigma_yaw")
+    alpha1: float = parameter_of(OmnidirectionalParameters, "alpha1")
+    alpha2: float = parameter_of(OmnidirectionalParameters, "alpha2")
+    alpha3: float = parameter_of(OmnidirectionalParameters, "alpha3")
+    alpha4: float = parameter_of(OmnidirectionalParameters, "alpha4")
+    alpha5: float = parameter_of(OmnidirectionalParameters, "alpha5")
+    turn_noise: TurnNoise = parameter_of(DifferentialParameters, "turn_noise")
+    noise_scaling: Scaling = parameter_of(DifferentialParameters, "noise_scaling")
+    stationary_sigma_xy: float = parameter_of(StationaryParameters, "stationary_sigma_xy")
+    stationary_sigma_yaw: float = parameter_of(StationaryParameters, "stationary_sigma_yaw")
 
     def __post_init__(self) -> None:
         validate(self)

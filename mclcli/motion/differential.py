@@ -8,7 +8,7 @@ derive noise from, and without noise the odometry's increment is reproduced exac
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Literal, final, get_args
 
 import numpy as np
 
@@ -24,6 +24,9 @@ if TYPE_CHECKING:
 _SMALL_MOVE = 0.01  # [m] below this the direction of a move is odometry noise (as in nav2_amcl)
 
 
+TurnNoise = Literal["full", "folded"]
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class DifferentialParameters:
@@ -33,13 +36,13 @@ class DifferentialParameters:
     alpha2: float = parameter(0.1, "turning noise from moving", unit="rad²/m²", low=0.0, in_nav2=True)
     alpha3: float = parameter(0.1, "moving noise from moving", low=0.0, in_nav2=True)
     alpha4: float = parameter(0.1, "moving noise from turning", unit="m²/rad²", low=0.0, in_nav2=True)
-    turn_noise: str = parameter(
+    turn_noise: TurnNoise = parameter(
         "full",
         "noise of a turn beyond 90° between updates: that of the full turn, or folded as if driving backwards",
-        choices=("full", "folded"),
+        choices=get_args(TurnNoise),
         source="folded: nav2_amcl, Beluga",
     )
-    noise_scaling: str = noise.scaling_parameter()
+    noise_scaling: noise.Scaling = noise.scaling_parameter()
 
     def __post_init__(self) -> None:
         validate(self)

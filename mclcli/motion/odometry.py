@@ -24,7 +24,7 @@ _SLACK_M, _SLACK_RAD = (
 @final
 @dataclass(frozen=True, slots=True)
 class OdometryParameters:
-    """What odometry is believed."""
+    """The speeds up to which odometry is believed."""
 
     odom_max_speed: float = parameter(
         10.0, "a faster step of the odometry is a reset or a jump, not motion; 0: believe all", unit="m/s", low=0.0

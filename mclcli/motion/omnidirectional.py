@@ -33,7 +33,7 @@ class OmnidirectionalParameters:
     alpha3: float = parameter(0.1, "moving noise from moving", low=0.0, in_nav2=True)
     alpha4: float = parameter(0.1, "moving noise from turning", unit="m²/rad²", low=0.0, in_nav2=True)
     alpha5: float = parameter(0.1, "sideways noise from moving (omnidirectional only)", low=0.0, in_nav2=True)
-    noise_scaling: str = noise.scaling_parameter()
+    noise_scaling: noise.Scaling = noise.scaling_parameter()
 
     def __post_init__(self) -> None:
         validate(self)

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mclcli.filter.recovery import Situation
     from mclcli.filter.start import Opening
     from mclcli.search.locating import Location
+    from mclcli.sensors import Temperature
     from mclcli.sensors.beams import Beams, BeamSelection
     from mclcli.sensors.likelihood_field import LikelihoodField
     from mclcli.sensors.observation import Observation
@@ -64,7 +65,7 @@ class GlobalSearch:
     scene: Scene
     settings: Settings
     landmarks: Landmarks | None = None
-    alpha: float | str = temperature.AUTO
+    alpha: Temperature = temperature.AUTO
 
     def find(self, observations: Sequence[Observation], k: int) -> Location | None:
         """The k most probable places of the base at the last observation; None if it can be nowhere, or saw nothing."""
@@ -146,7 +147,7 @@ def make_global_search(
     *,
     limits: Limits | None = None,
     landmarks: Landmarks | None = None,
-    alpha: float | str = temperature.AUTO,
+    alpha: Temperature = temperature.AUTO,
 ) -> GlobalSearch:
     """Make a map ready for searches: ``model`` is its likelihood field."""
     limits = limits or Limits()

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli import rng
-from mclcli.filter import fit, particles, policies
+from mclcli.filter import fit, particles
+from mclcli.filter.localizer import FilterState, initial_state
 from mclcli.filter.recovery import Situation
 from mclcli.filter.start import Opening, Patience, carried, spread_of
-from mclcli.filter.state import FilterState, initial_state
 from mclcli.geometry import se2, se3
 from mclcli.records import Estimate, LandmarkSightings, LaserScan, StampedPose, StepRecord, TrackPoint
 from mclcli.replay.intake import Intake, ReplayTally, Setup
@@ -164,10 +164,10 @@ class _Run:
             return True
         p, before, odom = self._setup.localizer.parameters, belief.odom_from_base, observation.odom_from_base
         if isinstance(observation.reading, LandmarkSightings):
-            return policies.has_moved(se2.between(before, odom), p.vision_min_d, p.vision_min_a)
+            return has_moved(se2.between(before, odom), p.vision_min_d, p.vision_min_a)
         if p.gate == "per_axis":
-            return policies.has_moved_on_an_axis(odom - before, p.update_min_d, p.update_min_a)
-        return policies.has_moved(se2.between(before, odom), p.update_min_d, p.update_min_a)
+            return has_moved_on_an_axis(odom - before, p.update_min_d, p.update_min_a)
+        return has_moved(se2.between(before, odom), p.update_min_d, p.update_min_a)
 
     def _update(self, belief: _Belief, observation: Observation) -> tuple[_Belief, StepRecord]:
         odom = observation.odom_from_base
@@ -236,3 +236,14 @@ class _Run:
         scan = reading if isinstance(reading, LaserScan) else None
         odom = self._intake.path.recorded(reading.stamp_ns, now)
         return TrackPoint(reading.stamp_ns, estimate, self._segment, odom, record, scan)
+
+
+def has_moved(increment: FloatArray, min_d: float, min_a: float) -> bool:
+    """Whether the base moved (Euclidean, [m]) or turned [rad] far enough since the last update for another one."""
+    return math.hypot(increment[0], increment[1]) >= min_d or abs(float(increment[2])) >= min_a
+
+
+def has_moved_on_an_axis(difference: FloatArray, min_d: float, min_a: float) -> bool:
+    """nav2_amcl's gate: x, y [m] or yaw [rad] of the odometry's own frame differ by more than the thresholds."""
+    yaw = math.remainder(difference[2], 2.0 * math.pi)
+    return abs(difference[0]) > min_d or abs(difference[1]) > min_d or abs(yaw) > min_a

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 from mclcli import motion
 from mclcli.errors import InputError, UsageError
@@ -23,19 +23,19 @@ if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
     from mclcli.io.recording.roles import Roles
     from mclcli.io.recording.survey import LogSurvey
+    from mclcli.sensors import Temperature
     from mclcli.sensors.instruments import Instrument, LidarModel
     from mclcli.settings.profiles import Settings
     from mclcli.world.distance_field import DistanceField
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
 
-    Temperature = float | str
     FieldMaker = Callable[..., DistanceField]
     Mounts = Mapping[str, FloatArray]
 
 # Measured, see docs/decisions/0004 and 0013.
-LIDAR_TEMPERATURE = "auto"
-VISION_TEMPERATURE = 0.15
+LIDAR_TEMPERATURE: Final = "auto"
+VISION_TEMPERATURE: Final = 0.15
 _UPDATES_OF_A_STREAM = 1500  # nobody knows how long a stream will be
 
 
@@ -190,7 +190,7 @@ def _lidars(
         return {}
     model = lidar_model(grid, settings, make_field, job_size, threads)
     names = _numbered("lidar", len(roles.scan))
-    default = LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0
+    default: Temperature = LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0
     alphas = [alpha_of(temperature, name, default) for name in names]
     return {
         topic: Lidar(name, model, settings.beams, alpha)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import final
+from typing import Literal, final
 
 
 @final
@@ -29,12 +29,15 @@ class Figures:
 
     @property
     def strain(self) -> float:
-        """``misfit_rays``, as far as the field agrees: no returns where the map has walls are not yet another place."""
+        """``misfit_rays``, limited by ``misfit``.
+
+        Beams that have no return where the map has a wall do not by themselves mean that the robot is elsewhere.
+        """
         return min(self.misfit_rays, 0.3 + 4.0 * self.misfit)
 
     @property
     def passed(self) -> float:
-        """What only walls on the way explain: beams that end well, but had to pass through some."""
+        """Misfit that only walls on the way explain: of beams that end well, but would have passed through a wall."""
         return self.misfit_rays - 3.0 * self.misfit
 
 
@@ -43,7 +46,7 @@ class Figures:
 class Term:
     """What a figure adds to the log odds: ``weight`` times the figure, clipped to ``low`` … ``high``."""
 
-    figure: str
+    figure: Literal["log_odds", "agreed", "passed", "strain"]
     low: float
     high: float
     weight: float

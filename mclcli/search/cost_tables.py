@@ -151,7 +151,7 @@ def _leaves(field: DistanceField, ends: NDArray[np.int32], cost: NDArray[np.uint
 def _entries(ends: NDArray[np.int32], nodes: int, margin: int, side: int) -> tuple[NDArray[np.int32], int, int]:
     """Entries (G, B) from the plane's first one to what node 0 needs, that one's place, and how many there are.
 
-    What is off the map from every node may as well be just off it.
+    Cells that are off the map for every node are moved to just off it.
     """
     entries = np.clip(ends, -_NODE * nodes - margin, side).astype(np.int32)
     low, high = (int(entries.min()), int(entries.max())) if entries.size else (0, 0)

@@ -17,8 +17,7 @@ import numpy as np
 from mclcli.search import branching, lattice, refine
 from mclcli.search.branching import Found
 from mclcli.search.calibration import probability
-from mclcli.search.modes import find_peaks
-from mclcli.search.posterior import weigh
+from mclcli.search.posterior import find_peaks, weigh
 from mclcli.search.scene import sightings_of
 
 if TYPE_CHECKING:
@@ -27,9 +26,8 @@ if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
     from mclcli.search.branching import Search
     from mclcli.search.calibration import Figures
-    from mclcli.search.modes import Peaks
     from mclcli.search.parameters import SearchParameters
-    from mclcli.search.posterior import Weighing
+    from mclcli.search.posterior import Peaks, Weighing
     from mclcli.search.scene import Scene, View
 
     Temper = Callable[[FloatArray], float]

@@ -1,4 +1,6 @@
-"""Shares of the places that compete, after a model that sees the walls between has looked at the foremost of them.
+"""The places that compete, each with the mass of the poses around it, and their shares.
+
+Places are peaks that suppress their neighbours. The beam model looks at the foremost of them before they are weighed.
 
 The likelihood field looks at endpoints alone: a beam may pass through any wall. The beam model does not, and so
 corrects each place's mass by exp(α·(its log p − the field's)), both relative to the best place.
@@ -12,16 +14,48 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli.geometry import se2
 from mclcli.search.calibration import Figures
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray, IntArray
     from mclcli.search.branching import Found, Search
-    from mclcli.search.modes import Peaks
+    from mclcli.search.lattice import Lattice
     from mclcli.search.scene import Scene, View
 
+MOST = 32  # peaks that are looked for
 RESCORED = 16  # places that the beam model looks at
 _CLEAREST = 50.0  # nats between which odds are told
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Peaks:
+    """Peaks, the highest first: ``keys`` (M,), ``values`` (M,) and ``masses`` (M,).
+
+    A mass is Σ exp(alpha·(value − best)) over the leaves around a peak; ``rest`` is that of those around none of them.
+    """
+
+    keys: IntArray
+    values: FloatArray
+    masses: FloatArray
+    rest: float
+
+
+def find_peaks(found: Found, lattice: Lattice, alpha: float, radius: float, angle: float) -> Peaks:
+    """Peaks of the leaves; those within ``radius`` [cells] and ``angle`` [rad] of a higher peak belong to it."""
+    poses, mass = lattice.poses(found.keys), np.exp(alpha * (found.values - found.best))
+    left = np.arange(found.keys.size)
+    numbers: list[int] = []
+    masses: list[float] = []
+    while left.size and len(numbers) < MOST:
+        peak = poses[left[0]]
+        offset = poses[left] - peak
+        near = (offset[:, 0] ** 2 + offset[:, 1] ** 2 <= radius**2) & (np.abs(se2.wrap(offset[:, 2])) <= angle)
+        numbers.append(int(left[0]))
+        masses.append(float(mass[left[near]].sum()))
+        left = left[~near]
+    return Peaks(found.keys[numbers], found.values[numbers], np.array(masses), float(mass[left].sum()))
 
 
 @final

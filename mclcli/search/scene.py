@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
     from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.search.lattice import Places
+    from mclcli.search.parameters import BaseCells
     from mclcli.sensors.beam import BeamModel
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.bearing import BearingModel, Bearings
@@ -65,8 +66,8 @@ class Scene:
 class View:
     """What the robot sees, from its base at one stamp: beams with a return, all beams, and bearings of landmarks.
 
-    ``later`` are the beams with a return of ever fewer scans, the latest ones: odometry puts those of early scans ever
-    more beside.
+    ``later`` are the beams with a return of the latest half of the scans, the latest quarter, and so on: the drift of
+    odometry displaces those of earlier scans more.
     """
 
     beams: Beams
@@ -78,7 +79,7 @@ class View:
 
 def allowed_cells(
     grid: OccupancyGrid,
-    policy: str,
+    policy: BaseCells,
     region: tuple[float, float, float, float] | None = None,
     disc: tuple[float, float, float] | None = None,
 ) -> BoolArray:

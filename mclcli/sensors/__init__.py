@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Literal, final
 
 import numpy as np
 
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mclcli.arrays import FloatArray
+
+# What new log-likelihoods are multiplied with: a number in (0, 1], or how it is measured; see ``filter.temperature``.
+Temperature = float | Literal["auto", "ess"]
 
 
 @final
@@ -35,7 +38,7 @@ class Measurement:
     count: int
     log_peak: float
     log_floor: float = field(default=-math.inf, kw_only=True)
-    alpha: float | str = 1.0
+    alpha: Temperature = 1.0
     each: Callable[[FloatArray], FloatArray] | None = None
     unknown: int = 0
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mclcli.arrays import FloatArray
+    from mclcli.sensors import Temperature
     from mclcli.sensors.beam_forms import BeamParameters, Components
     from mclcli.sensors.beams import Beams
     from mclcli.world.raycast import RayCaster
@@ -42,7 +43,7 @@ class BeamModel:
     parameters: BeamParameters
     threads: int = 1
 
-    def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
+    def measure(self, sensor: str, beams: Beams, alpha: Temperature = 1.0) -> Measurement:
         """Measurement that scores poses against these beams, those without a return among them; NaNs are left out.
 
         ``log_peak`` is the value of a pose that expects every reading as it is, r* = r. It is not a bound: another r*

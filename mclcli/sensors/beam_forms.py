@@ -11,13 +11,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, final
+from typing import TYPE_CHECKING, Final, Literal, final, get_args
 
 import numpy as np
 
 from mclcli.errors import UsageError
-from mclcli.parameters import parameter, validate
-from mclcli.world.raycast import CAST_METHODS
+from mclcli.parameters import YesNo, parameter, validate
+from mclcli.world.raycast import CastMethod, RayUnknown
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,6 +26,10 @@ if TYPE_CHECKING:
 
     Form = Callable[["BeamParameters", FloatArray, FloatArray, float, float], "Components"]
     Combination = Callable[[FloatArray], FloatArray]
+
+NoReturn = Literal["mixture", "censored"]
+BeamForm = Literal["textbook", "nav2", "beluga"]
+BeamCombination = Literal["log", "one_plus_cubes", "cubes"]
 
 FLOOR: Final = 1e-12
 _SQRT2: Final = math.sqrt(2.0)
@@ -139,8 +143,12 @@ def cubes(likelihood: FloatArray) -> FloatArray:
         return np.asarray(np.log((likelihood**3).sum(axis=-1)))
 
 
-FORMS: Final[dict[str, Form]] = {"textbook": textbook, "nav2": nav2, "beluga": beluga}
-COMBINATIONS: Final[dict[str, Combination]] = {"log": sum_of_logs, "one_plus_cubes": one_plus_cubes, "cubes": cubes}
+FORMS: Final[dict[BeamForm, Form]] = {"textbook": textbook, "nav2": nav2, "beluga": beluga}
+COMBINATIONS: Final[dict[BeamCombination, Combination]] = {
+    "log": sum_of_logs,
+    "one_plus_cubes": one_plus_cubes,
+    "cubes": cubes,
+}
 
 
 @final
@@ -158,29 +166,29 @@ class BeamParameters:
     lambda_short: float = parameter(
         0.1, "rate per metre at which unexpected obstacles occur", low=0.0, high=1e9, in_nav2=True
     )
-    no_return: str = parameter(
+    no_return: NoReturn = parameter(
         "mixture",
         "a reading of r_max: all components add up there, or the probability that there is nothing nearer "
         "(beam_form=textbook)",
-        choices=("mixture", "censored"),
+        choices=get_args(NoReturn),
     )
-    beam_form: str = parameter(
+    beam_form: BeamForm = parameter(
         "textbook",
         "components as proper densities, or as nav2_amcl or Beluga have them",
-        choices=tuple(FORMS),
+        choices=get_args(BeamForm),
     )
-    combination: str = parameter(
+    combination: BeamCombination = parameter(
         "log",
         "beams combine as Σ log p, as log(1 + Σ p³) or as log Σ p³",
-        choices=tuple(COMBINATIONS),
+        choices=get_args(BeamCombination),
     )
-    weights_sum_to_1: str = parameter(
-        "yes", "the four weights must sum to 1 ± 1e-6, or need not", choices=("yes", "no")
+    weights_sum_to_1: YesNo = parameter(
+        "yes", "the four weights must sum to 1 ± 1e-6, or need not", choices=get_args(YesNo)
     )
-    raycast: str = parameter(
-        "exact", "how expected ranges are found: entering a cell, or on Bresenham's line", choices=CAST_METHODS
+    raycast: CastMethod = parameter(
+        "exact", "how expected ranges are found: entering a cell, or on Bresenham's line", choices=get_args(CastMethod)
     )
-    ray_unknown: str = parameter("occupied", "what an unknown cell is to a ray", choices=("occupied", "free"))
+    ray_unknown: RayUnknown = parameter("occupied", "what an unknown cell is to a ray", choices=get_args(RayUnknown))
 
     def __post_init__(self) -> None:
         validate(self)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Literal, final, get_args
 
 import numpy as np
 
@@ -21,6 +21,14 @@ if TYPE_CHECKING:
     Sweep = Callable[[IntArray], FloatArray]  # beams' numbers (K,) to poses (K, 3) of the base
 
 
+MaxRange = Literal["skip", "score", "no_return", "keep_equal", "as_read"]
+ShortRange = Literal["skip", "max"]
+BeamSubsampling = Literal["even_valid", "even", "stride", "stride_ceil"]
+BeamAngles = Literal["exact", "nav2"]
+BeamOrigin = Literal["sensor", "base"]
+RangeOfRand = Literal["smaller", "parameter"]
+
+
 @final
 @dataclass(frozen=True, slots=True)
 class BeamSelection:
@@ -34,36 +42,39 @@ class BeamSelection:
         in_nav2=True,
     )
     laser_max_range: float = parameter(
-        -1.0, "no return from here on; the smaller of it and the scan's own; ≤ 0: the scan's", unit="m", in_nav2=True
+        -1.0,
+        "readings from this on are no return; the smaller of it and the scan's own; ≤ 0: the scan's",
+        unit="m",
+        in_nav2=True,
     )
-    max_range: str = parameter(
+    max_range: MaxRange = parameter(
         "skip",
         "readings ≥ the maximum range: left out; clamped to [0, maximum] and scored, like those ≤ the minimum; scored "
         "as the maximum; left out only above it; or taken as they are",
-        choices=("skip", "score", "no_return", "keep_equal", "as_read"),
+        choices=get_args(MaxRange),
     )
-    short_range: str = parameter(
-        "skip", "readings ≤ the minimum range: left out, or taken for the maximum", choices=("skip", "max")
+    short_range: ShortRange = parameter(
+        "skip", "readings ≤ the minimum range: left out, or taken for the maximum", choices=get_args(ShortRange)
     )
-    beam_subsampling: str = parameter(
+    beam_subsampling: BeamSubsampling = parameter(
         "even_valid",
         "max_beams chosen evenly after or before invalid ones are dropped, or every (n−1)/(K−1)th or ⌈n/K⌉th beam",
-        choices=("even_valid", "even", "stride", "stride_ceil"),
+        choices=get_args(BeamSubsampling),
     )
-    beam_angles: str = parameter(
+    beam_angles: BeamAngles = parameter(
         "exact",
         "beam angles through the mount, or as nav2_amcl forms them in single precision",
-        choices=("exact", "nav2"),
+        choices=get_args(BeamAngles),
     )
-    beam_origin: str = parameter(
+    beam_origin: BeamOrigin = parameter(
         "sensor",
         "beams start at the lidar, or at the base, as straight lines to where they end",
-        choices=("sensor", "base"),
+        choices=get_args(BeamOrigin),
     )
-    range_of_rand: str = parameter(
+    range_of_rand: RangeOfRand = parameter(
         "smaller",
         "z_rand is spread over the smaller maximum range, or over laser_max_range whatever the scan says",
-        choices=("smaller", "parameter"),
+        choices=get_args(RangeOfRand),
     )
 
     def __post_init__(self) -> None:
@@ -209,7 +220,7 @@ def _subsample(valid: BoolArray, selection: BeamSelection) -> tuple[IntArray, in
 
 
 @functools.lru_cache(maxsize=8)
-def _directions(angle_min: float, increment: float, count: int, mount: bytes, rule: str) -> FloatArray:
+def _directions(angle_min: float, increment: float, count: int, mount: bytes, rule: BeamAngles) -> FloatArray:
     """Directions (count, 2) of all beams of a lidar on its ``mount`` (4, 4): the same in every scan."""
     base_from_sensor = np.frombuffer(mount).reshape(4, 4)
     if rule == "nav2":

@@ -23,6 +23,7 @@ from mclcli.sensors import Measurement, floored_log
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
     from mclcli.records import LandmarkSightings
+    from mclcli.sensors import Temperature
     from mclcli.world.landmarks import Landmarks
 
 FLOOR = 1e-15
@@ -92,7 +93,7 @@ class BearingModel:
     parameters: BearingParameters
     job_size: float = 0.0
 
-    def measure(self, sensor: str, bearings: Bearings, alpha: float | str = 1.0) -> Measurement:
+    def measure(self, sensor: str, bearings: Bearings, alpha: Temperature = 1.0) -> Measurement:
         """Measurement that scores poses against these bearings."""
         count = bearings.angles.size + bearings.unknown
         peak, floor = self.log_p(np.array([0.0, math.pi])) * bearings.angles.size - math.log(se2.TAU) * bearings.unknown

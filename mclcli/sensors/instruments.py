@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mclcli.arrays import FloatArray
+    from mclcli.sensors import Temperature
     from mclcli.sensors.beams import Beams, BeamSelection, Sweep
     from mclcli.sensors.bearing import BearingModel
     from mclcli.world.landmarks import Landmarks
@@ -31,7 +32,7 @@ class Instrument(Protocol):
         ...
 
     @property
-    def alpha(self) -> float | str:
+    def alpha(self) -> Temperature:
         """Temperature in (0, 1], ``auto`` or ``ess``."""
         ...
 
@@ -50,7 +51,7 @@ class Instrument(Protocol):
 class LidarModel(Protocol):
     """A likelihood of beams, over one map."""
 
-    def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
+    def measure(self, sensor: str, beams: Beams, alpha: Temperature = 1.0) -> Measurement:
         """Measurement that scores poses against these beams."""
         ...
 
@@ -63,7 +64,7 @@ class Lidar:
     name: str
     model: LidarModel
     selection: BeamSelection
-    alpha: float | str = 1.0
+    alpha: Temperature = 1.0
 
     def problem(self, reading: Reading) -> str:
         """Why a scan cannot be used: its geometry makes no sense."""
@@ -94,7 +95,7 @@ class Camera:
     name: str
     model: BearingModel
     landmarks: Landmarks
-    alpha: float | str = 1.0
+    alpha: Temperature = 1.0
 
     def problem(self, reading: Reading) -> str:
         """Why sightings cannot be used."""

@@ -13,23 +13,35 @@ import dataclasses
 import functools
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Literal, final, get_args
 
 import numpy as np
 
 from mclcli.native import backend
-from mclcli.parameters import parameter, validate
+from mclcli.parameters import YesNo, parameter, validate
 from mclcli.sensors import Measurement, endpoints, floored_log
 from mclcli.sensors.beam_skipping import BeamSkipping, kept_beams
 from mclcli.sensors.endpoints import Anchoring
+from mclcli.world import FieldMethod
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.sensors import Temperature
     from mclcli.sensors.beams import Beams
     from mclcli.world.distance_field import Codes, DistanceField
 
 FLOOR = 1e-12
 _MOST_LOOKED_UP = 2**25  # codes of poses·beams
+
+
+FieldLookup = Literal["nearest", "bilinear"]
+FieldCombination = Literal["log", "one_plus_cubes"]
+OffMap = Literal["max_dist", "uniform"]
+FieldUnknown = Literal["free", "uniform"]
+Obstacles = Literal["occupied", "boundary"]
+FieldAnchor = Literal["corner", "half_cell"]
+OriginYaw = Literal["use", "ignore"]
+FieldPrecision = Literal["double", "single_distance", "single_likelihood"]
 
 
 @final
@@ -43,37 +55,37 @@ class LikelihoodFieldParameters:
     laser_likelihood_max_dist: float = parameter(
         2.0, "distances to obstacles are clamped here", unit="m", above=0.0, in_nav2=True
     )
-    field_method: str = parameter(
-        "exact", "Euclidean distances, or shortest 8-neighbour paths", choices=("exact", "brushfire")
+    field_method: FieldMethod = parameter(
+        "exact", "Euclidean distances, or shortest 8-neighbour paths", choices=get_args(FieldMethod)
     )
-    field_lookup: str = parameter(
+    field_lookup: FieldLookup = parameter(
         "nearest",
         "distance of the cell that contains the endpoint, or interpolated between cells",
-        choices=("nearest", "bilinear"),
+        choices=get_args(FieldLookup),
     )
-    combination: str = parameter(
-        "log", "beams combine as Σ log p, or as log(1 + Σ p³)", choices=("log", "one_plus_cubes")
+    combination: FieldCombination = parameter(
+        "log", "beams combine as Σ log p, or as log(1 + Σ p³)", choices=get_args(FieldCombination)
     )
-    hit_normalised: str = parameter("no", "divide the hit component by σ√2π", choices=("no", "yes"))
-    off_map: str = parameter(
-        "max_dist", "an endpoint off the map has the greatest distance, or p = 1/r_max", choices=("max_dist", "uniform")
+    hit_normalised: YesNo = parameter("no", "divide the hit component by σ√2π", choices=get_args(YesNo))
+    off_map: OffMap = parameter(
+        "max_dist", "an endpoint off the map has the greatest distance, or p = 1/r_max", choices=get_args(OffMap)
     )
-    field_unknown: str = parameter(
-        "free", "an unknown cell has its distance like a free one, or p = 1/r_max", choices=("free", "uniform")
+    field_unknown: FieldUnknown = parameter(
+        "free", "an unknown cell has its distance like a free one, or p = 1/r_max", choices=get_args(FieldUnknown)
     )
-    obstacles: str = parameter(
+    obstacles: Obstacles = parameter(
         "occupied",
         "distances are to all occupied cells, or to those beside a free one",
-        choices=("occupied", "boundary"),
+        choices=get_args(Obstacles),
     )
-    field_anchor: str = parameter(
-        "corner", "cells begin at the origin, or half a cell before it", choices=("corner", "half_cell")
+    field_anchor: FieldAnchor = parameter(
+        "corner", "cells begin at the origin, or half a cell before it", choices=get_args(FieldAnchor)
     )
-    origin_yaw: str = parameter("use", "the yaw of the map's origin", choices=("use", "ignore"))
-    field_precision: str = parameter(
+    origin_yaw: OriginYaw = parameter("use", "the yaw of the map's origin", choices=get_args(OriginYaw))
+    field_precision: FieldPrecision = parameter(
         "double",
         "double throughout; distances, or likelihoods, rounded to single precision",
-        choices=("double", "single_distance", "single_likelihood"),
+        choices=get_args(FieldPrecision),
     )
     do_beamskip: bool = parameter(False, "leave out beams that most particles find no obstacle for", in_nav2=True)
     beam_skip_distance: float = parameter(
@@ -104,7 +116,7 @@ class LikelihoodField:
     threads: int = 1
     _tables: dict[float, FloatArray] = dataclasses.field(default_factory=dict, init=False, repr=False)
 
-    def measure(self, sensor: str, beams: Beams, alpha: float | str = 1.0) -> Measurement:
+    def measure(self, sensor: str, beams: Beams, alpha: Temperature = 1.0) -> Measurement:
         """Measurement that scores poses against these beams."""
         table = self.table(beams.r_max)
         peak, floor = (float(term) * beams.ranges.size for term in (table[0], table.min()))

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.explain import Explanation
     from mclcli.sensors.instruments import LidarModel
-    from mclcli.world.distance_field import DistanceField, Method
+    from mclcli.world.distance_field import DistanceField
     from mclcli.world.occupancy import OccupancyGrid
 
     FieldMaker = Callable[..., DistanceField]
@@ -50,10 +50,9 @@ def make_field_model(
     threads: int = 1,
 ) -> LikelihoodField:
     """Likelihood field over a map; ``make_field`` computes, or finds, the distance field."""
-    method: Method = "brushfire" if parameters.field_method == "brushfire" else "exact"
     field = make_field(
         grid,
-        method,
+        parameters.field_method,
         parameters.laser_likelihood_max_dist,
         boundary_only=parameters.obstacles == "boundary",
         mark_unknown=parameters.field_unknown == "uniform",

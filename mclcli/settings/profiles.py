@@ -24,6 +24,8 @@ from mclcli.sensors.models import LIDAR_MODELS
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
+    from mclcli.settings import Profile
+
 Value = float | str
 
 
@@ -37,7 +39,7 @@ class FrameParameters:
     )
     odom_frame_id: str = parameter("", "frame of the odometry; empty: as recorded", in_nav2=True)
     global_frame_id: str = parameter("map", "frame of the map, in MCAP traces", in_nav2=True)
-    scan_topic: str = parameter("", "topic of the laser scans; empty: found; `--scan` goes before", in_nav2=True)
+    scan_topic: str = parameter("", "topic of the laser scans; empty: found; `--scan` overrides it", in_nav2=True)
     map_topic: str = parameter("", "topic of the map where `--map` names none; empty: found", in_nav2=True)
 
     def __post_init__(self) -> None:
@@ -49,7 +51,7 @@ class FrameParameters:
 class Settings:
     """All parameters of a run, a group per part of the filter, and whose defaults they started from."""
 
-    profile: str
+    profile: Profile
     model: str
     filter: FilterParameters
     kld: KldParameters
@@ -172,7 +174,7 @@ _BELUGA_BEAM: dict[str, Value] = {
     "raycast": "bresenham_beluga",
     "beam_origin": "base",
 }
-PROFILES: dict[str, dict[str, dict[str, Value]]] = {
+PROFILES: dict[Profile, dict[str, dict[str, Value]]] = {
     "textbook": {"likelihood_field": {}, "likelihood_field_prob": {}, "beam": {"max_range": "no_return"}},
     "nav2": {
         "likelihood_field": {**_NAV2, **_CUBES},
@@ -200,7 +202,7 @@ def table(model: str | None = None) -> Iterator[tuple[str, str, Value, Descripti
             yield group, name, default, description
 
 
-def build(values: Mapping[str, object], *, profile: str = "textbook", model: str = "likelihood_field") -> Settings:
+def build(values: Mapping[str, object], *, profile: Profile = "textbook", model: str = "likelihood_field") -> Settings:
     """Settings with these values over a profile's defaults; text is read with its unit (``3deg``).
 
     Parameters of other lidar models than ``model`` are passed over.
@@ -228,7 +230,7 @@ def build(values: Mapping[str, object], *, profile: str = "textbook", model: str
 def spelled_out(values: Mapping[str, object]) -> dict[str, object]:
     """The same values, with ``particles`` = N or ``MIN:MAX`` as ``min_particles`` and ``max_particles``.
 
-    Those two count where they are given as well.
+    Where those two are given as well, they count.
     """
     rest = {name: value for name, value in values.items() if name != "particles"}
     if "particles" not in values:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -20,12 +20,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.arrays import BoolArray, FloatArray
+    from mclcli.world import FieldMethod
     from mclcli.world.occupancy import OccupancyGrid
 
     Codes = NDArray[np.uint16] | NDArray[np.uint32]
-
-Method = Literal["exact", "brushfire"]
-METHODS: tuple[Method, ...] = ("exact", "brushfire")
 
 
 @final
@@ -48,11 +46,6 @@ class DistanceField:
         """The clamp, which also holds off the map [m]."""
         return float(self.levels[-1])
 
-    @property
-    def is_flat(self) -> bool:
-        """Whether every cell is at the clamp: nothing on the map is occupied within reach."""
-        return bool((self.codes == self.levels.size - 1).all())
-
     def metres(self) -> FloatArray:
         """Distances (H, W) float64 [m]."""
         return self.levels[self.codes]
@@ -60,7 +53,7 @@ class DistanceField:
 
 def compute(
     grid: OccupancyGrid,
-    method: Method,
+    method: FieldMethod,
     max_dist: float,
     *,
     boundary_only: bool = False,

@@ -16,7 +16,7 @@ Leaving the map meets nothing; a ray from outside may enter it (the last two say
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, final
+from typing import TYPE_CHECKING, Final, Literal, final, get_args
 
 import numpy as np
 
@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     from mclcli.arrays import BoolArray, FloatArray
     from mclcli.world.occupancy import OccupancyGrid
 
-CAST_METHODS: Final = ("exact", "approximate", "bresenham_nav2", "bresenham_beluga")
+CastMethod = Literal["exact", "approximate", "bresenham_nav2", "bresenham_beluga"]
+RayUnknown = Literal["occupied", "free"]
+
 _LANES: Final = 128  # rays that the approximate kernel casts together
 
 
@@ -41,7 +43,7 @@ class RayCaster:
     ``resolution`` [m] and ``origin`` (3,) (x, y, yaw) place its cells in the map.
     """
 
-    method: str
+    method: CastMethod
     table: NDArray[np.bool_ | np.uint8]
     resolution: float
     origin: FloatArray
@@ -110,16 +112,18 @@ class RayCaster:
         return np.column_stack([cells / self.resolution, np.cos(yaw), np.sin(yaw)])
 
 
-def make_caster(grid: OccupancyGrid, *, method: str = "exact", ray_unknown: str = "occupied") -> RayCaster:
+def make_caster(
+    grid: OccupancyGrid, *, method: CastMethod = "exact", ray_unknown: RayUnknown = "occupied"
+) -> RayCaster:
     """Caster over a map. Occupied cells stop a ray; others that are not free stop it if unknown is ``occupied``.
 
     Raises
     ------
     ValueError
-        If ``method`` is not one of ``CAST_METHODS``, or ``ray_unknown`` neither ``occupied`` nor ``free``.
+        If there is no such ``method`` or ``ray_unknown``.
 
     """
-    if method not in CAST_METHODS or ray_unknown not in {"occupied", "free"}:
+    if method not in get_args(CastMethod) or ray_unknown not in get_args(RayUnknown):
         raise ValueError(f"no such way to cast rays: method {method}, ray_unknown {ray_unknown}")
     blocked = grid.occupied if ray_unknown == "free" else ~grid.free
     table = blocked if method.startswith("bresenham") else _open_squares(blocked)

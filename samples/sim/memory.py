@@ -23,6 +23,7 @@ from mclcli.world.occupancy import OccupancyGrid
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from mclcli.sensors import Temperature
     from mclcli.settings.profiles import Settings
     from samples.sim.building import Building
     from samples.sim.recording import Recording
@@ -75,7 +76,7 @@ def setup(
     settings: Settings | None = None,
     *,
     seed: int = 0,
-    alpha: float | str = 0.5,
+    alpha: Temperature = 0.5,
     **changes: Any,  # noqa: ANN401 - fields of a Setup
 ) -> Setup:
     """Setup that tracks the robot from where the operator said it was."""

@@ -18,7 +18,7 @@ from tests.cli.support import MAPS, REFERENCE_MAP, mcl, single_error
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from mclcli.world.distance_field import Method
+    from mclcli.world import FieldMethod
 
 
 def test_the_second_call_finds_what_the_first_one_kept(tmp_path: Path) -> None:
@@ -60,7 +60,7 @@ def test_without_the_cache_nothing_is_kept(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("method", ["exact", "brushfire"])
 @pytest.mark.parametrize("name", ["reference.yaml", "warehouse.yaml"])
-def test_the_field_as_npy(tmp_path: Path, name: str, method: Method) -> None:
+def test_the_field_as_npy(tmp_path: Path, name: str, method: FieldMethod) -> None:
     target = tmp_path / "field.npy"
     assert mcl("dt", MAPS / name, "--method", method, "-o", target).code == 0
     field = np.load(target)

@@ -19,8 +19,13 @@ def test_every_command_explains_itself(name: str, flag: str) -> None:
     assert (result.code, result.err) == (0, "")
     text = result.out.decode()
     assert text.startswith(f"Usage: mcl {name} ")
-    for option in ("--threads", "--cache-dir", "--debug", "--verbose", "--quiet", "--color"):
+    for option in ("--cache-dir", "--debug", "--verbose", "--quiet", "--color"):
         assert option in text
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_threads_are_asked_for_where_poses_are_scored(name: str) -> None:
+    assert ("--threads" in mcl(name, "--help").out.decode()) == (name in {"run", "score"})
 
 
 def test_help_lists_the_commands() -> None:

@@ -22,7 +22,7 @@ from tests.io.ros_messages import STORES
 from tests.sensors.example import SET1, SET1_TOTAL, SET1_WEIGHTS, SET2, SET2_WEIGHTS, SET3, Example
 
 if TYPE_CHECKING:
-    from mclcli.world.distance_field import Method
+    from mclcli.world import FieldMethod
 
 SET_OF = {2: SET2, 3: SET3}
 
@@ -32,7 +32,7 @@ def seen(number: int) -> tuple[object, ...]:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_first_set(method: Method) -> None:
+def test_first_set(method: FieldMethod) -> None:
     table = reference(1, method, *seen(1))
     assert table.names == ["x", "y", "yaw", "log_lidar", "log_vision", "log_weight", "weight"]
     np.testing.assert_allclose(table["log_weight"], SET1_TOTAL, rtol=0, atol=1e-9)
@@ -41,7 +41,7 @@ def test_first_set(method: Method) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_second_set(method: Method) -> None:
+def test_second_set(method: FieldMethod) -> None:
     table = reference(2, method, *seen(2))
     np.testing.assert_allclose(table["log_lidar"], SET2.lidar[method], rtol=0, atol=1e-9)
     np.testing.assert_allclose(table["log_vision"], SET2.vision, rtol=0, atol=1e-9)
@@ -51,7 +51,7 @@ def test_second_set(method: Method) -> None:
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_third_set(method: Method) -> None:
+def test_third_set(method: FieldMethod) -> None:
     table = reference(3, method)
     assert table.names == ["x", "y", "yaw", "log_lidar", "log_weight", "weight"]
     np.testing.assert_allclose(table["log_lidar"], SET3.lidar[method], rtol=0, atol=1e-9)
@@ -74,7 +74,7 @@ def test_an_empty_map_cannot_score(tmp_path: Path) -> None:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("number", [2, 3])
 @pytest.mark.parametrize("change", ["flipped", "transposed"])
-def test_a_map_the_wrong_way_round_misses_by_far(tmp_path: Path, change: str, number: int, method: Method) -> None:
+def test_a_map_the_wrong_way_round_misses_by_far(tmp_path: Path, change: str, number: int, method: FieldMethod) -> None:
     example: Example = SET_OF[number]
     table = reference(number, method, grid=altered_map(tmp_path, change))
     assert np.abs(table["log_lidar"] - example.lidar[method]).max() > 0.1

@@ -11,9 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mclcli.cli.score.poses import headings, lattice_poses, positions
 from tests.cli.example import LANDMARKS, MODEL, NEAR, POSES, SCAN, reference
 from tests.cli.support import OFFICE, OFFICE_MAP, REFERENCE_MAP, decoded, mcl, messages, single_error
 from tests.sensors.example import SET3
+from tests.worlds import drawn
 
 # Naming the poses
 
@@ -198,3 +200,27 @@ def test_an_output_is_never_an_input(tmp_path: Path) -> None:
     result = mcl("score", scan, "--map", REFERENCE_MAP, "--pose", "0,0,0", "-o", scan, "-q")
     assert "one of the inputs" in single_error(result, 2)
     assert scan.read_bytes() == SCAN.read_bytes()
+
+
+def test_a_lattice_lies_on_free_cells_at_multiples_of_its_step() -> None:
+    grid = drawn("..#\n...\n#..", 1.0, (-1.0, -1.0, 0.0))
+    points = positions(grid, 0.5)
+    np.testing.assert_array_equal(points, np.rint(points * 2) / 2)
+    expected = {(x / 2, y / 2) for x in range(-2, 4) for y in range(-2, 4) if grid.free[int(y / 2 + 1), int(x / 2 + 1)]}
+    assert {tuple(point) for point in points.tolist()} == expected
+
+
+@pytest.mark.parametrize(("step", "count"), [(math.pi / 2, 4), (math.tau, 1), (1.0, 7), (math.radians(1), 360)])
+def test_headings_go_round_evenly(step: float, count: int) -> None:
+    yaws = headings(step)
+    assert yaws.size == count
+    assert 0.0 in yaws
+    assert ((yaws > -math.pi) & (yaws <= math.pi)).all()
+    np.testing.assert_allclose(np.diff(yaws), math.tau / count)
+
+
+def test_every_heading_stands_at_every_position() -> None:
+    grid = drawn("..", 1.0)
+    got = lattice_poses(grid, 1.0, math.pi)
+    points, yaws = positions(grid, 1.0), headings(math.pi)
+    assert got.tolist() == [[*point, yaw] for point in points.tolist() for yaw in yaws.tolist()]

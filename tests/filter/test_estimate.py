@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli.filter import clusters, estimate, policies
+from mclcli.filter import clusters, estimate
+from mclcli.filter.localizer import is_depleted
 from mclcli.geometry import se2
 from tests.reference import filter as naive
 
@@ -132,22 +133,6 @@ def test_of_a_large_set_hypotheses_are_those_of_an_even_choice() -> None:
     np.testing.assert_allclose(first.estimate.pose, [9.25, 9.25, 0.1], atol=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("increment", "moved"),
-    [
-        ([0.2, 0.1, 0.1], False),
-        ([0.25, 0.0, 0.0], True),
-        ([-0.25, 0.0, 0.0], True),
-        ([0.2, 0.2, 0.0], True),
-        ([0.0, 0.0, 0.2], True),
-        ([0.0, 0.0, -0.2], True),
-        ([0.0, 0.0, 0.0], False),
-    ],
-)
-def test_the_gate(increment: list[float], moved: bool) -> None:  # noqa: FBT001
-    assert policies.has_moved(np.array(increment), 0.25, 0.2) is moved
-
-
 def test_few_effective_particles_call_for_resampling() -> None:
-    assert policies.is_depleted(49.9, 100, 0.5)
-    assert not policies.is_depleted(50.0, 100, 0.5)
+    assert is_depleted(49.9, 100, 0.5)
+    assert not is_depleted(50.0, 100, 0.5)

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli.filter import fit, scoring, temperature
+from mclcli.filter import fit, temperature
+from mclcli.filter.weights import evidences
 from mclcli.replay.setup import lidar_model
-from mclcli.sensors import Measurement
+from mclcli.sensors import Measurement, Temperature
 from mclcli.sensors.beams import Beams
-from mclcli.settings import profiles
+from mclcli.settings import Profile, profiles
 from mclcli.world import distance_field
 from tests.replay.replays import MODEL
 from tests.support import level, sightings
@@ -22,14 +23,14 @@ from tests.worlds import drawn
 ROOM = drawn("##########\n" + "#........#\n" * 6 + "##########", 0.5)
 
 
-def saying(*values: float, floor: float = -10.0, alpha: float | str = "auto", count: int = 1) -> Measurement:
+def saying(*values: float, floor: float = -10.0, alpha: Temperature = "auto", count: int = 1) -> Measurement:
     return Measurement("lidar", lambda _: np.array(values), count, 0.0, alpha, log_floor=floor)
 
 
 def each(measurement: Measurement, weights: list[float]) -> float:
     logs = measurement.log_likelihood(np.zeros((len(weights), 3)))[np.newaxis]
-    _, evidences = scoring.evidences(np.log(weights), logs)
-    return fit.of_each([measurement], evidences)[0]
+    _, of_each = evidences(np.log(weights), logs)
+    return fit.of_each([measurement], of_each)[0]
 
 
 def test_a_fit_lies_between_nothing_and_everything() -> None:
@@ -64,7 +65,7 @@ def test_trust_grows_with_the_fit(one: float, ignored: float, trusted: float) ->
 
 
 @pytest.mark.parametrize(("alpha", "expected"), [("auto", 0.5 * 0.05), (0.3, 0.3), ("ess", 1.0)])
-def test_only_auto_heeds_the_fit(alpha: float | str, expected: float) -> None:
+def test_only_auto_heeds_the_fit(alpha: Temperature, expected: float) -> None:
     measurement = Measurement("lidar", lambda p: np.zeros(len(p)), 4, 0.0, alpha, lambda _: np.zeros(4))
 
     def resolved(fits: list[float] | None) -> tuple[float, ...]:
@@ -77,7 +78,7 @@ def test_only_auto_heeds_the_fit(alpha: float | str, expected: float) -> None:
 
 @pytest.mark.parametrize("model", list(profiles.MODELS))
 @pytest.mark.parametrize("profile", list(profiles.PROFILES))
-def test_every_model_knows_its_floor(profile: str, model: str) -> None:
+def test_every_model_knows_its_floor(profile: Profile, model: str) -> None:
     """Somewhere in a room a scan fits better than one that has nothing to do with it; nowhere far outside it does."""
     settings = profiles.build({}, profile=profile, model=model)
     measured = lidar_model(ROOM, settings, distance_field.compute, 0.0)

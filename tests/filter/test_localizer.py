@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli import rng
-from mclcli.filter import scoring
+from mclcli.filter import weights
 from mclcli.filter.kld import KldParameters
-from mclcli.filter.localizer import Localizer
+from mclcli.filter.localizer import FilterState, Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.resampling import RESAMPLERS
-from mclcli.filter.state import FilterState, initial_state, uniform_log_weights
+from mclcli.filter.weights import uniform_log_weights
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.rng import Purpose, stream
 from mclcli.sensors import Measurement
@@ -86,7 +86,7 @@ def test_evidence_is_the_untempered_mean_likelihood() -> None:
 
 def test_evidence_of_several_sensors_is_that_of_their_product() -> None:
     carried, logs = np.log([0.25, 0.75]), np.log([[0.5, 0.2], [0.1, 0.4]])
-    together, each = scoring.evidences(carried, logs)
+    together, each = weights.evidences(carried, logs)
     assert np.exp(each) == pytest.approx([0.275, 0.325])
     assert np.exp(together) == pytest.approx(0.25 * 0.05 + 0.75 * 0.08)
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from mclcli.filter.kld import KldParameters, limit
-from mclcli.filter.localizer import Localizer
+from mclcli.filter.localizer import Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
-from mclcli.filter.state import initial_state
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
 from tests.reference import kld as naive
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.filter.parameters import Degenerate
     from mclcli.records import StepRecord
 
 QUIET = DifferentialMotion(DifferentialParameters(0.0, 0.0, 0.0, 0.0))
@@ -100,7 +100,7 @@ def test_whose_mean_and_whose_covariance(estimate: str) -> None:
 
 
 @pytest.mark.parametrize(("choice", "expected"), [("carry", [0.75, 0.25]), ("uniform", [0.5, 0.5])])
-def test_what_remains_where_no_weight_is_left(choice: str, expected: list[float]) -> None:
+def test_what_remains_where_no_weight_is_left(choice: Degenerate, expected: list[float]) -> None:
     localizer = Localizer(QUIET, FilterParameters(resample_ess=0.0, degenerate=choice), 0, KldParameters(2, 2))
     liked = Measurement("lidar", lambda _: np.log([0.75, 0.25]), 1, 0.0)
     nothing = Measurement("lidar", lambda _: np.full(2, -np.inf), 1, 0.0)

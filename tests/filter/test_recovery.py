@@ -13,10 +13,9 @@ from hypothesis import strategies as st
 from mclcli.errors import UsageError
 from mclcli.filter import recovery
 from mclcli.filter.kld import KldParameters
-from mclcli.filter.localizer import Localizer
+from mclcli.filter.localizer import Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.recovery import Averages, FromAnywhere, RecoveryParameters
-from mclcli.filter.state import initial_state
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
 from tests.reference import recovery as naive
@@ -24,6 +23,7 @@ from tests.worlds import drawn
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.filter.recovery import RecoveryRule
     from mclcli.records import StepRecord
 
 QUIET = DifferentialMotion(DifferentialParameters(0.0, 0.0, 0.0, 0.0))
@@ -60,7 +60,7 @@ def test_nothing_to_judge_changes_nothing() -> None:
     assert recovery.observe(before, None, RATES) == before
 
 
-def run(fits_per_beam: list[float], rule: str = "per_beam", beams: int = 10) -> list[StepRecord]:
+def run(fits_per_beam: list[float], rule: RecoveryRule = "per_beam", beams: int = 10) -> list[StepRecord]:
     """Steps whose particles all fit alike."""
     parameters = RecoveryParameters("uniform", 0.01, 0.5, rule)
     localizer = Localizer(QUIET, FilterParameters(), 0, KldParameters(N, N), parameters)

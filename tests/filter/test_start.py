@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mclcli.errors import InputError
-from mclcli.filter import lattice, particles
+from mclcli.filter import particles
 from mclcli.filter.start import (
     GIVEN_SPREAD,
     AlongPoses,
@@ -126,27 +126,3 @@ def test_a_stated_pose_without_covariance_is_taken_as_good() -> None:
     cloud = AlongPoses([given(0, 0, 0, 0)]).place(Opening(0, EMPTY), 5000, generator())
     assert isinstance(cloud, np.ndarray)
     np.testing.assert_allclose(np.cov(cloud.T), GIVEN_SPREAD, atol=0.001)
-
-
-def test_a_lattice_lies_on_free_cells_at_multiples_of_its_step() -> None:
-    grid = drawn("..#\n...\n#..", 1.0, (-1.0, -1.0, 0.0))
-    points = lattice.positions(grid, 0.5)
-    np.testing.assert_array_equal(points, np.rint(points * 2) / 2)
-    expected = {(x / 2, y / 2) for x in range(-2, 4) for y in range(-2, 4) if grid.free[int(y / 2 + 1), int(x / 2 + 1)]}
-    assert {tuple(point) for point in points.tolist()} == expected
-
-
-@pytest.mark.parametrize(("step", "count"), [(math.pi / 2, 4), (math.tau, 1), (1.0, 7), (math.radians(1), 360)])
-def test_headings_go_round_evenly(step: float, count: int) -> None:
-    yaws = lattice.headings(step)
-    assert yaws.size == count
-    assert 0.0 in yaws
-    assert ((yaws > -math.pi) & (yaws <= math.pi)).all()
-    np.testing.assert_allclose(np.diff(yaws), math.tau / count)
-
-
-def test_every_heading_stands_at_every_position() -> None:
-    grid = drawn("..", 1.0)
-    got = lattice.poses(grid, 1.0, math.pi)
-    points, yaws = lattice.positions(grid, 1.0), lattice.headings(math.pi)
-    assert got.tolist() == [[*point, yaw] for point in points.tolist() for yaw in yaws.tolist()]

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mclcli.filter import temperature
-from mclcli.filter.state import uniform_log_weights
 from mclcli.filter.temperature import Correlation, conditional_ess, correlate, largest_alpha
-from mclcli.sensors import Measurement
+from mclcli.filter.weights import uniform_log_weights
+from mclcli.sensors import Measurement, Temperature
 
 GENERATOR = np.random.default_rng(5)
 LOGS = st.lists(st.floats(-300.0, 0.0), min_size=2, max_size=30)
@@ -98,7 +98,7 @@ def test_auto_leaves_what_has_no_neighbours() -> None:
     assert temperature.resolve([alone], np.zeros((1, 5)), uniform_log_weights(5), {}, 0.05) == (1.0,)
 
 
-def measurement(sensor: str, alpha: float | str) -> Measurement:
+def measurement(sensor: str, alpha: Temperature) -> Measurement:
     return Measurement(sensor, lambda poses: np.zeros(len(poses)), 9, 0.0, alpha, lambda _: series(0.5, 9))
 
 

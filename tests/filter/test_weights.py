@@ -1,4 +1,4 @@
-"""Weights in log domain: log-sum-exp, normalisation, effective sample size, scoring."""
+"""Weights in log domain: log-sum-exp, normalisation, effective sample size, weights."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli.filter import scoring, weights
+from mclcli.filter import weights
 from mclcli.sensors import Measurement
 from tests.reference import filter as naive
 
@@ -105,18 +105,18 @@ def saying(values: list[float], alpha: float) -> Measurement:
 @given(st.lists(st.floats(-1e3, 1e3), min_size=2, max_size=12), st.floats(1e-3, 1.0))
 def test_the_best_pose_stays_the_best_under_any_temperature(values: list[float], alpha: float) -> None:
     poses = np.zeros((len(values), 3))
-    tempered = scoring.temper([alpha], scoring.score([saying(values, alpha)], poses))
+    tempered = weights.temper([alpha], weights.score([saying(values, alpha)], poses))
     assert tempered[np.argmax(values)] == tempered.max()
 
 
 def test_each_sensor_has_its_own_temperature() -> None:
     sensors = [saying([1.0, 2.0], 0.5), saying([10.0, -4.0], 0.25)]
-    scores = scoring.score(sensors, np.zeros((2, 3)))
+    scores = weights.score(sensors, np.zeros((2, 3)))
     assert scores.tolist() == [[1.0, 2.0], [10.0, -4.0]]
-    assert scoring.temper([0.5, 0.25], scores).tolist() == [3.0, 0.0]
+    assert weights.temper([0.5, 0.25], scores).tolist() == [3.0, 0.0]
 
 
 def test_without_sensors_there_is_nothing_to_weigh() -> None:
-    scores = scoring.score([], np.zeros((4, 3)))
+    scores = weights.score([], np.zeros((4, 3)))
     assert scores.shape == (0, 4)
-    assert scoring.temper([], scores).tolist() == [0.0] * 4
+    assert weights.temper([], scores).tolist() == [0.0] * 4

@@ -19,6 +19,7 @@ from tests.data import golden
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.settings import Profile
     from mclcli.world.distance_field import DistanceField
 
 CASES = (
@@ -96,7 +97,7 @@ def nav2_field(name: str, max_dist: float) -> DistanceField:
 
 
 def settings_of(
-    file: str, case: str, parameters: str, profile: str, model: str, **changes: object
+    file: str, case: str, parameters: str, profile: Profile, model: str, **changes: object
 ) -> profiles.Settings:
     """Settings of a golden parameter set in a profile."""
     sets = dict(read(file)["parameter_sets"][parameters])

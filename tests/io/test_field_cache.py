@@ -8,19 +8,22 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 import pytest
 
 from mclcli import cache
 from mclcli.io.maps.field_cache import cached_field, field_path
-from mclcli.world import distance_field
-from mclcli.world.distance_field import METHODS, DistanceField, Method
+from mclcli.world import FieldMethod, distance_field
 from tests.worlds import drawn
+
+if TYPE_CHECKING:
+    from mclcli.world.distance_field import DistanceField
 
 GRID = drawn("#.......\n........\n...#....\n........", 0.25, (1.0, 2.0, 0.3))
 REACH = 1.5
-TRUE = {method: distance_field.compute(GRID, method, REACH) for method in METHODS}
+TRUE = {method: distance_field.compute(GRID, method, REACH) for method in get_args(FieldMethod)}
 
 
 @pytest.fixture(autouse=True)
@@ -34,7 +37,7 @@ def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda _: None)
 
 
-def right(field: DistanceField, method: Method = "exact") -> bool:
+def right(field: DistanceField, method: FieldMethod = "exact") -> bool:
     """Whether a field is the one computed afresh, and placed like it."""
     true = TRUE[method]
     same = np.array_equal(field.codes, true.codes) and np.array_equal(field.levels, true.levels)
@@ -46,8 +49,8 @@ def fill() -> Path:
     return field_path(GRID, "exact", REACH)
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_a_hit_follows_a_miss(method: Method) -> None:
+@pytest.mark.parametrize("method", get_args(FieldMethod))
+def test_a_hit_follows_a_miss(method: FieldMethod) -> None:
     first, hit_first = cached_field(GRID, method, REACH)
     second, hit_second = cached_field(GRID, method, REACH)
     assert (hit_first, hit_second) == (False, True)

@@ -139,7 +139,7 @@ def test_missing_files_and_folders(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="not a regular file"):
         safe_yaml.read(tmp_path)
     (tmp_path / "a.yaml").write_text("a: 1\n")
-    assert safe_yaml.load_yaml_file(tmp_path / "a.yaml") == {"a": 1}
+    assert safe_yaml.read(tmp_path / "a.yaml").value == {"a": 1}
 
 
 def test_damage_never_escapes_as_another_error() -> None:

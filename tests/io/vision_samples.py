@@ -55,7 +55,6 @@ COMMON = {
     "aruco_opencv_msgs/msg/BoardPose": "string board_name\ngeometry_msgs/Pose pose",
 }
 POINTS, ARRAYS = "Point centre\nPoint[4] corners\n", "float64[2] centre\nfloat64[8] corners\n"
-COMPOSED = "ObjectHypothesis hypothesis\n"
 VISION_TAILS = ("sensor_msgs/Image source_img\n", "sensor_msgs/PointCloud2 source_cloud\n")
 VERSIONS: dict[str, tuple[str, dict[str, str]]] = {
     "vision 4": ("cdr", _vision("Pose2D", "ObjectHypothesis hypothesis\n", "string id", "string id", "4")),

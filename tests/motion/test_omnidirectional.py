@@ -16,6 +16,7 @@ from tests.reference.motion_omni import omnidirectional
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.motion.noise import Scaling
 
 PI = math.pi
 ALPHAS = (0.1, 0.25, 0.3, 0.45, 0.6)
@@ -82,7 +83,8 @@ def test_every_direction_of_driving_is_as_certain() -> None:
 
 
 def test_scaled_by_distance_the_noise_is_the_same_however_finely_a_move_is_cut() -> None:
-    for scaling, ratio in (("distance", 1.0), ("step", 10.0)):
+    ratios: dict[Scaling, float] = {"distance": 1.0, "step": 10.0}
+    for scaling, ratio in ratios.items():
         model = OmnidirectionalMotion(OmnidirectionalParameters(*ALPHAS, noise_scaling=scaling))
         whole, tenth = (model.noise_std(np.array([0.3, 0.4, 0.2]) / pieces) ** 2 for pieces in (1, 10))
         np.testing.assert_allclose(whole, 10.0 * tenth * ratio, rtol=1e-12)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from mclcli import cache
-from mclcli.errors import AmbiguousResult, InputError, MclError, ThresholdMissed, UsageError, nearest_name
+from mclcli.errors import InputError, MclError, UsageError, nearest_name
 from mclcli.native import backend, machine_code
 
 LENGTH = str(2.0 + math.sqrt(2.0) - 1.0 + math.sqrt(2.0))
@@ -148,7 +148,7 @@ def test_a_folder_of_somebody_else_is_refused(monkeypatch: pytest.MonkeyPatch, t
 
 
 def test_exit_codes_are_a_contract() -> None:
-    codes = {InputError: 1, UsageError: 2, ThresholdMissed: 4, AmbiguousResult: 5}
+    codes = {InputError: 1, UsageError: 2}
     assert {kind: kind.exit_code for kind in codes} == codes
     assert all(issubclass(kind, MclError) for kind in codes)
 

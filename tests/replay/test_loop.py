@@ -13,7 +13,7 @@ from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.start import AlongPoses, AroundPose
 from mclcli.geometry import se2, se3
 from mclcli.records import LaserScan, StampedPose
-from mclcli.replay.loop import replay
+from mclcli.replay.loop import has_moved, replay
 from tests.replay.replays import LIDAR, NOISY, START, drive, ns, odom, run, scan, setup
 
 if TYPE_CHECKING:
@@ -185,3 +185,19 @@ def test_no_message_at_all_is_no_track() -> None:
     points, tally = run([])
     assert points == []
     assert tally.used.total() == tally.skipped.total() == 0
+
+
+@pytest.mark.parametrize(
+    ("increment", "moved"),
+    [
+        ([0.2, 0.1, 0.1], False),
+        ([0.25, 0.0, 0.0], True),
+        ([-0.25, 0.0, 0.0], True),
+        ([0.2, 0.2, 0.0], True),
+        ([0.0, 0.0, 0.2], True),
+        ([0.0, 0.0, -0.2], True),
+        ([0.0, 0.0, 0.0], False),
+    ],
+)
+def test_the_gate(increment: list[float], moved: bool) -> None:  # noqa: FBT001
+    assert has_moved(np.array(increment), 0.25, 0.2) is moved

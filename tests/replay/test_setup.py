@@ -16,7 +16,7 @@ from mclcli.replay.setup import describe_extent, prepare
 from mclcli.sensors.instruments import Camera, Lidar
 from mclcli.sensors.likelihood_field import LikelihoodField
 from mclcli.settings import profiles
-from mclcli.world.distance_field import DistanceField, Method, compute
+from mclcli.world.distance_field import DistanceField, compute
 from mclcli.world.landmarks import Landmarks
 from tests.io.surveys import LASER, MARKERS, ODOM, log_of
 from tests.support import transform
@@ -25,6 +25,7 @@ from tests.worlds import drawn
 if TYPE_CHECKING:
     from mclcli.io.recording.survey import LogSurvey
     from mclcli.replay.loop import Setup
+    from mclcli.world import FieldMethod
     from mclcli.world.occupancy import OccupancyGrid
 
 GRID = drawn("#...\n....", 0.5, (-1.0, -2.0, 0.0))
@@ -57,9 +58,9 @@ def test_everything_that_fits_takes_part() -> None:
 
 def test_several_lidars_are_numbered_and_share_one_field() -> None:
     found = log(("/back", LASER), ("/front", LASER), ("/odom", ODOM))
-    made: list[tuple[OccupancyGrid, Method, float]] = []
+    made: list[tuple[OccupancyGrid, FieldMethod, float]] = []
 
-    def making(grid: OccupancyGrid, method: Method, max_dist: float, **how: bool) -> DistanceField:
+    def making(grid: OccupancyGrid, method: FieldMethod, max_dist: float, **how: bool) -> DistanceField:
         made.append((grid, method, max_dist))
         assert how == {"boundary_only": False, "mark_unknown": False}
         return compute(grid, method, max_dist, **how)

@@ -21,6 +21,8 @@ from mclcli.world.raycast import make_caster
 if TYPE_CHECKING:
     from mclcli.arrays import BoolArray, FloatArray
     from mclcli.replay.finder import GlobalSearch, Limits
+    from mclcli.search.parameters import BaseCells
+    from mclcli.sensors import Temperature
     from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
 
@@ -73,7 +75,7 @@ def finder_for(
     settings: Settings | None = None,
     limits: Limits | None = None,
     landmarks: Landmarks | None = None,
-    alpha: float | str = "auto",
+    alpha: Temperature = "auto",
 ) -> GlobalSearch:
     """The search over a map."""
     settings = settings or profiles.build({})
@@ -83,6 +85,6 @@ def finder_for(
     )
 
 
-def cells_allowed(grid: OccupancyGrid, policy: str) -> BoolArray:
+def cells_allowed(grid: OccupancyGrid, policy: BaseCells) -> BoolArray:
     """Cells that may hold the base."""
     return scenes.allowed_cells(grid, policy)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -21,6 +22,9 @@ from mclcli.settings import profiles
 from mclcli.world.landmarks import Landmarks
 from mclcli.world.occupancy import UNKNOWN, OccupancyGrid
 from tests.search.scenes import MOUNT, cells_allowed, finder_for, hall, seen_from
+
+if TYPE_CHECKING:
+    from mclcli.search.parameters import BaseCells
 
 POSE = (1.3, 1.1, 0.7)
 
@@ -205,7 +209,7 @@ def test_refinement_goes_beyond_the_lattice_and_tells_where_it_is_loose() -> Non
 
 
 @pytest.mark.parametrize(("policy", "cells"), [("free", 1), ("open", 2), ("any", 3)])
-def test_where_the_base_may_be_is_a_choice(policy: str, cells: int) -> None:
+def test_where_the_base_may_be_is_a_choice(policy: BaseCells, cells: int) -> None:
     from tests.worlds import drawn
 
     assert cells_allowed(drawn("#?."), policy).sum() == cells

@@ -20,7 +20,8 @@ from tests.support import grid_of, level, scan_of, sightings
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
     from mclcli.sensors import Measurement
-    from mclcli.world.distance_field import Method
+    from mclcli.sensors.beams import MaxRange
+    from mclcli.world import FieldMethod
     from mclcli.world.occupancy import OccupancyGrid
 
 LANDMARKS = Landmarks(("1", "2", "3"), np.array([[-1.0, 0.0, 0.0], [1.0, 0.5, 0.0], [0.0, -1.0, 0.0]]))
@@ -41,12 +42,12 @@ class Example:
 
     ranges: tuple[float, ...]
     poses: FloatArray
-    lidar: dict[Method, tuple[float, ...]]
+    lidar: dict[FieldMethod, tuple[float, ...]]
     bearings: tuple[tuple[str, float], ...] = ()
     vision: tuple[float, ...] = ()
-    max_range: str = "skip"
+    max_range: MaxRange = "skip"
 
-    def lidar_measurement(self, method: Method, grid: OccupancyGrid | None = None) -> Measurement:
+    def lidar_measurement(self, method: FieldMethod, grid: OccupancyGrid | None = None) -> Measurement:
         """The scan over the example's map, or over another."""
         field = distance_field.compute(grid or example_map(), method, 2.0)
         selected = beams.select(scan_of(self.ranges), NO_MOUNT, BeamSelection(max_range=self.max_range))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
     from mclcli.arrays import BoolArray, FloatArray
     from mclcli.records import LaserScan
+    from mclcli.sensors.likelihood_field import FieldCombination
 
 GENERATOR = np.random.default_rng(11)
 ROOM = GENERATOR.random((30, 40)) < 0.05
@@ -273,7 +274,9 @@ def test_both_paths_interpolate_alike(
 
 
 @pytest.mark.parametrize("combination", ["log", "one_plus_cubes"])
-def test_interpolated_bits_do_not_depend_on_the_company(monkeypatch: pytest.MonkeyPatch, combination: str) -> None:
+def test_interpolated_bits_do_not_depend_on_the_company(
+    monkeypatch: pytest.MonkeyPatch, combination: FieldCombination
+) -> None:
     use_compiled(monkeypatch, always=True)
     parameters = dataclasses.replace(PARAMETERS, field_lookup="bilinear", combination=combination)
     model = LikelihoodField(model_over(grid_of(ROOM, RESOLUTION, ORIGIN)).field, parameters)

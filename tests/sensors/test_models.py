@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mclcli.filter import scoring
+from mclcli.filter import weights
 from mclcli.geometry import se2, se3
 from mclcli.sensors import beams
 from mclcli.sensors.likelihood_field import LikelihoodField
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from mclcli.records import LaserScan
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.instruments import LidarModel
+    from mclcli.settings import Profile
 
 RESOLUTION, ORIGIN = 0.25, (-3.0, -2.0, 0.0)
 GENERATOR = np.random.default_rng(21)
@@ -39,7 +40,7 @@ TINY = 1e-9  # [m, rad] poses whose scores stand such a nudge are away from bord
 class Variant(NamedTuple):
     """A profile, a model of the registry, and switches on top."""
 
-    profile: str
+    profile: Profile
     model: str
     changes: tuple[tuple[str, str], ...] = ()
 
@@ -176,7 +177,7 @@ def test_fields_are_monotone_in_distance(
 @given(alpha=st.floats(0.02, 1.0))
 def test_temperature_leaves_the_best_pose_the_best(variant: Variant, alpha: float) -> None:
     scores = variant.scores(POSES)
-    tempered = scoring.temper([alpha], scores[np.newaxis])
+    tempered = weights.temper([alpha], scores[np.newaxis])
     assert tempered[scores.argmax()] == tempered.max()
 
 

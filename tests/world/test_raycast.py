@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from mclcli.geometry import se2
 from mclcli.native import backend
-from mclcli.world.raycast import CAST_METHODS, RayCaster, make_caster
+from mclcli.world.raycast import CastMethod, RayCaster, make_caster
 from tests.reference.raycast import first_hit, is_clear, pieces
 from tests.support import grid_of
 from tests.worlds import drawn, empty
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from mclcli.arrays import BoolArray, FloatArray
 
 EPSILON = 1 / 256
-WALKS = ["exact", "approximate"]
+WALKS: tuple[CastMethod, ...] = ("exact", "approximate")
 shapes = st.tuples(st.integers(1, 12), st.integers(1, 12))
 rooms = shapes.flatmap(lambda shape: arrays(np.bool_, shape, elements=st.integers(0, 6).map(lambda i: i == 0)))
 places = st.floats(-4.0, 16.0)
@@ -112,7 +112,7 @@ def test_both_walks_agree_on_walls() -> None:
 
 @pytest.mark.parametrize("method", WALKS)
 @pytest.mark.parametrize("count", [1, 7, 60, 128, 300])
-def test_rays_cast_together_are_those_cast_alone(method: str, count: int) -> None:
+def test_rays_cast_together_are_those_cast_alone(method: CastMethod, count: int) -> None:
     generator = np.random.default_rng(count)
     caster = make_caster(grid_of(generator.random((50, 70)) < 0.03), method=method)
     poses = np.column_stack([generator.uniform(-9, 79, (9, 2)), generator.uniform(-4, 4, 9)])  # some off the map
@@ -129,7 +129,7 @@ def test_rays_cast_together_are_those_cast_alone(method: str, count: int) -> Non
 
 @pytest.mark.parametrize("method", WALKS)
 @pytest.mark.parametrize("mirrored", [False, True])
-def test_no_ray_gets_through_a_diagonal_wall(method: str, *, mirrored: bool) -> None:
+def test_no_ray_gets_through_a_diagonal_wall(method: CastMethod, *, mirrored: bool) -> None:
     wall = np.eye(40, dtype=bool)
     caster = make_caster(grid_of(wall[:, ::-1] if mirrored else wall), method=method)
     generator = np.random.default_rng(6)
@@ -145,7 +145,7 @@ def test_no_ray_gets_through_a_diagonal_wall(method: str, *, mirrored: bool) -> 
 
 @pytest.mark.parametrize("method", WALKS)
 @pytest.mark.parametrize("quarter", range(4))
-def test_a_ray_exactly_through_the_corner_of_two_blocked_cells_stops(method: str, quarter: int) -> None:
+def test_a_ray_exactly_through_the_corner_of_two_blocked_cells_stops(method: CastMethod, quarter: int) -> None:
     diagonal = np.rot90(np.array([[0, 1], [1, 0]], dtype=bool), quarter)
     caster = make_caster(grid_of(diagonal), method=method)
     starts = [(-1.0, -1.0), (3.0, -1.0), (3.0, 3.0), (-1.0, 3.0)]
@@ -156,8 +156,8 @@ def test_a_ray_exactly_through_the_corner_of_two_blocked_cells_stops(method: str
     assert cast(alone, (-1.0, -1.0, 0.0), 30.0, (0.5, 0.5)) == 30.0
 
 
-@pytest.mark.parametrize("method", CAST_METHODS)
-def test_where_rays_start_and_end(method: str) -> None:
+@pytest.mark.parametrize("method", get_args(CastMethod))
+def test_where_rays_start_and_end(method: CastMethod) -> None:
     caster = make_caster(drawn("#....\n#....\n#...."), method=method)
     assert cast(caster, (0.4, 1.2, 0.3)) == 0.0  # within an obstacle
     assert cast(caster, (4.4, 1.2, math.pi), 2.0) == 2.0
@@ -166,7 +166,7 @@ def test_where_rays_start_and_end(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", WALKS)
-def test_a_ray_from_outside_may_enter_the_map(method: str) -> None:
+def test_a_ray_from_outside_may_enter_the_map(method: CastMethod) -> None:
     caster = make_caster(drawn("..#..\n..#.."), method=method)
     assert cast(caster, (-3.0, 0.5, 0.0)) == pytest.approx(5.0)
     assert cast(caster, (9.0, 1.5, math.pi)) == pytest.approx(6.0)
@@ -178,19 +178,19 @@ def test_a_ray_from_outside_may_enter_the_map(method: str) -> None:
 
 
 @pytest.mark.parametrize(("method", "outside"), [("bresenham_nav2", 0.0), ("bresenham_beluga", 30.0)])
-def test_the_originals_see_nothing_of_the_map_from_outside(method: str, outside: float) -> None:
+def test_the_originals_see_nothing_of_the_map_from_outside(method: CastMethod, outside: float) -> None:
     assert cast(make_caster(drawn("..#..\n..#.."), method=method), (-3.0, 0.5, 0.0)) == outside
 
 
-@pytest.mark.parametrize("method", CAST_METHODS)
+@pytest.mark.parametrize("method", get_args(CastMethod))
 @pytest.mark.parametrize("pose", [(math.nan, 1.0, 0.0), (1.0, math.inf, 0.0), (1.0, 1.0, math.nan)])
 @pytest.mark.filterwarnings("ignore:invalid value")
-def test_a_pose_that_is_nowhere_expects_nothing(method: str, pose: tuple[float, float, float]) -> None:
+def test_a_pose_that_is_nowhere_expects_nothing(method: CastMethod, pose: tuple[float, float, float]) -> None:
     assert math.isnan(cast(make_caster(drawn("...\n..."), method=method), pose))
 
 
-@pytest.mark.parametrize("method", CAST_METHODS)
-def test_unknown_cells_stop_rays_or_do_not(method: str) -> None:
+@pytest.mark.parametrize("method", get_args(CastMethod))
+def test_unknown_cells_stop_rays_or_do_not(method: CastMethod) -> None:
     grid = drawn("......?.#.\n......?.#.\n......?.#.")
     stopped = cast(make_caster(grid, method=method, ray_unknown="occupied"), (1.4, 1.4, 0.0))
     through = cast(make_caster(grid, method=method, ray_unknown="free"), (1.4, 1.4, 0.0))
@@ -198,7 +198,7 @@ def test_unknown_cells_stop_rays_or_do_not(method: str) -> None:
 
 
 @pytest.mark.parametrize("method", [*WALKS, "bresenham_beluga"])
-def test_a_tilted_beam_measures_along_itself(method: str) -> None:
+def test_a_tilted_beam_measures_along_itself(method: CastMethod) -> None:
     caster = make_caster(drawn("....#.\n....#.\n....#."), method=method)
     level, tilted = cast(caster, (0.5, 1.5, 0.0)), cast(caster, (0.5, 1.5, 0.0), 30.0, (0.8, 0.0))
     assert tilted == pytest.approx(level / 0.8)
@@ -228,7 +228,7 @@ def test_the_beams_origins_and_directions_turn_with_the_base() -> None:
 
 @pytest.mark.parametrize("method", WALKS)
 @given(dx=st.floats(-50, 50), dy=st.floats(-50, 50), turn=st.floats(-3, 3), seed=st.integers(0, 99))
-def test_ranges_move_and_turn_with_the_map(method: str, dx: float, dy: float, turn: float, seed: int) -> None:
+def test_ranges_move_and_turn_with_the_map(method: CastMethod, dx: float, dy: float, turn: float, seed: int) -> None:
     generator = np.random.default_rng(seed)
     occupied = generator.random((15, 20)) < 0.05
     poses = np.column_stack([generator.uniform(0, 5, (8, 2)), generator.uniform(-4, 4, 8)])
@@ -251,8 +251,8 @@ def test_the_exact_range_does_not_depend_on_the_direction_of_the_grid(quarter: i
     np.testing.assert_allclose(after, before, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("method", CAST_METHODS)
-def test_a_map_without_an_obstacle_is_seen_through(method: str) -> None:
+@pytest.mark.parametrize("method", get_args(CastMethod))
+def test_a_map_without_an_obstacle_is_seen_through(method: CastMethod) -> None:
     caster = make_caster(empty(700, 3), method=method)
     assert cast(caster, (1.4, 1.4, 0.0), 600.0) == 600.0
 
@@ -273,8 +273,8 @@ def test_the_largest_open_squares_are_found() -> None:
                 assert squares[q, row, column] == side
 
 
-@pytest.mark.parametrize("method", CAST_METHODS)
-def test_what_cannot_be_cast_is_refused(method: str) -> None:
+@pytest.mark.parametrize("method", get_args(CastMethod))
+def test_what_cannot_be_cast_is_refused(method: CastMethod) -> None:
     caster = make_caster(drawn("..."), method=method)
     assert not caster.table.flags.writeable
     with pytest.raises(ValueError, match="max_range"):
@@ -282,6 +282,6 @@ def test_what_cannot_be_cast_is_refused(method: str) -> None:
     with pytest.raises(ValueError, match="at most 1 long"):
         cast(caster, (0.0, 0.0, 0.0), 1.0, (1.0, 1.0))
     with pytest.raises(ValueError, match="no such way"):
-        make_caster(drawn("..."), method="guess")
+        make_caster(drawn("..."), method="guess")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="ray_unknown"):
-        make_caster(drawn("..."), method=method, ray_unknown="maybe")
+        make_caster(drawn("..."), method=method, ray_unknown="maybe")  # type: ignore[arg-type]

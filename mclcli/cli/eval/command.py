@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from mclcli.cli import options
-from mclcli.cli.eval import options as eval_options
-from mclcli.errors import UsageError
+from mclcli.cli.eval.options import EvalOptions, eval_options, expand
+from mclcli.cli.options import into
+from mclcli.errors import ExitCode, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -19,71 +19,13 @@ if TYPE_CHECKING:
     from mclcli.evaluate.spread import Spread
     from mclcli.geometry.trajectory import Trajectory
 
-DAMAGED, MISSED = 3, 4
 _SPARSE = 0.9  # coverage below which the user is warned
-
-_metres, _radians, _seconds, _number = (eval_options.quantity(unit) for unit in ("m", "rad", "s", ""))
 
 
 @click.command("eval", short_help="Errors of tracks against a reference, with limits for CI.")
-@click.argument("tracks", metavar="TRACK...", nargs=-1, required=True)
-@click.option(
-    "--truth",
-    required=True,
-    metavar="REFERENCE",
-    help="FILE.tum, a CSV with stamp, x, y, yaw, LOG:TOPIC or LOG:tf:FRAME.",
-)
-@click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: metres, radians, seconds.")
-@click.option("--picture", metavar="F.png", help="Draw the tracks over the reference, and errors over time.")
-@click.option("--map", "map_file", type=click.Path(path_type=Path), help="Map to draw beneath, a map_server YAML.")
-@click.option("--align", is_flag=True, help="Move each track rigidly in the plane to where it fits best.")
-@click.option(
-    "--associate",
-    type=click.Choice(["interpolate", "nearest"]),
-    default="interpolate",
-    show_default=True,
-    help="Reference interpolated at each pose, or the nearest pose of it, as evo does.",
-)
-@click.option(
-    "--max-gap", metavar="S", default="2", show_default=True, callback=_seconds, help="Longest gap to interpolate."
-)
-@click.option(
-    "--max-diff", metavar="S", default="0.01", show_default=True, callback=_seconds, help="For nearest: how far apart."
-)
-@click.option(
-    "--converged", metavar="M,ANGLE,S", help="Errors below these, for so long.  [default: 0.5,10deg,10; 3 poses]"
-)
-@click.option("--lost", metavar="M,ANGLE,S", help="An error above these, for so long.  [default: 1,30deg,2; 3 poses]")
-@click.option(
-    "--seed",
-    metavar="N",
-    type=click.IntRange(min=0, max=2**64 - 1),
-    default=0,
-    show_default=True,
-    help="Seed of the bootstrap.",
-)
-@click.option("--max-ape", metavar="M", callback=_metres, help="Exit 4 if the translation's RMSE is more.")
-@click.option("--max-yaw", metavar="ANGLE", callback=_radians, help="Exit 4 if the yaw's RMSE is more.")
-@click.option("--max-error", metavar="M", callback=_metres, help="Exit 4 if the largest translation error is more.")
-@click.option("--max-rpe", metavar="M", callback=_number, help="Exit 4 if the RMSE of the drift per metre is more.")
-@click.option(
-    "--max-losses",
-    metavar="N",
-    type=click.IntRange(min=0),
-    help="Exit 4 if the robot was lost more often, or throughout.",
-)
-@click.option("--max-convergence", metavar="S", callback=_seconds, help="Exit 4 if it converged later, or never.")
-@click.option("--max-anees", metavar="X", callback=_number, help="Exit 4 if the covariances are more overconfident.")
-@click.option(
-    "--min-within", metavar="SHARE,M", callback=eval_options.share_within, help="Exit 4 if fewer poses are that near."
-)
-@click.option(
-    "--min-coverage", metavar="SHARE", callback=eval_options.share, help="Exit 4 if the reference covers less."
-)
-@options.map_limits
-@options.threads
-@options.common
-def command(**arguments: Any) -> int:
+@eval_options
+@into(EvalOptions)
+def command(options: EvalOptions) -> ExitCode:
     """Evaluate each TRACK: a track CSV of `mcl run`, a TUM file, - for either on stdin, or LOG:TOPIC.
 
     Nothing is aligned unless --align asks for it. Several tracks, of several seeds say, are summed up as well: median
@@ -94,35 +36,30 @@ def command(**arguments: Any) -> int:
     from mclcli.io.recording.recorded_poses import read_checked
     from mclcli.io.traces.output import open_output
 
-    names = eval_options.expand(arguments["tracks"])
-    if arguments["truth"] == "-" and "-" in names:
+    names = expand(options.tracks)
+    if options.truth == "-" and "-" in names:
         raise UsageError("--truth -: standard input holds the track already; name a file")
-    protocol, limits = eval_options.protocol_of(arguments), eval_options.limits_of(arguments)
-    if arguments["picture"]:
-        open_output(arguments["picture"], binary=True, inputs=_inputs(arguments, names))  # refuses now, not at the end
-    truth, damaged = read_checked(arguments["truth"])
+    protocol, inputs = options.protocol, options.input_files(names)
+    if options.picture:
+        open_output(options.picture, binary=True, inputs=inputs)  # refuses now, not at the end
+    truth, damaged = read_checked(options.truth)
     evaluations = []
     for name in names:
         track, lossy = read_checked(name)
         damaged = damaged or lossy
         evaluations.append(_evaluate(track, truth, protocol, name))
-    complaints = [(e.name, sentence) for e in evaluations for sentence in missed(e, limits)]
-    _print(arguments, evaluations, protocol, complaints)
-    if arguments["picture"]:
-        _draw(arguments, names, evaluations, truth, protocol)
+    complaints = [(e.name, sentence) for e in evaluations for sentence in missed(e, options.limits)]
+    _print(options, evaluations, complaints)
+    if options.picture:
+        _draw(options, options.picture, inputs, evaluations, truth)
     for e in evaluations:
         if e.coverage < _SPARSE and not complaints:
             console.warn(f"{e.name}: the reference covers {100 * e.coverage:.1f} % of the poses; the rest is unknown")
     for name, sentence in complaints:
         console.error(f"{name}: {sentence}")
-    return MISSED if complaints else DAMAGED if damaged else 0
-
-
-def _inputs(arguments: dict[str, Any], names: Sequence[str]) -> list[Path]:
-    """Files that are read, none of which may be written."""
-    from mclcli.io.recording.recorded_poses import split_source
-
-    return [Path(split_source(name)[0]) for name in (*names, arguments["truth"]) if name != "-"]
+    if complaints:
+        return ExitCode.MISSED
+    return ExitCode.DAMAGED if damaged else ExitCode.COMPLETE
 
 
 def _evaluate(track: Trajectory, truth: Trajectory, protocol: Protocol, name: str) -> Evaluation:
@@ -137,20 +74,20 @@ def _evaluate(track: Trajectory, truth: Trajectory, protocol: Protocol, name: st
 
 
 def _print(
-    arguments: dict[str, Any],
+    options: EvalOptions,
     evaluations: Sequence[Evaluation],
-    protocol: Protocol,
     complaints: Sequence[tuple[str, str]],
 ) -> None:
     """Everything found, on standard output."""
     from mclcli.evaluate.spread import spreads
     from mclcli.io.traces.output import open_output
 
-    several = spreads(evaluations, arguments["seed"]) if len(evaluations) > 1 else {}
-    if arguments["as_json"]:
-        text = json.dumps(_facts(arguments["truth"], evaluations, protocol, several, complaints), indent=2)
+    protocol = options.protocol
+    several = spreads(evaluations, options.seed) if len(evaluations) > 1 else {}
+    if options.as_json:
+        text = json.dumps(_facts(options.truth, evaluations, protocol, several, complaints), indent=2)
     else:
-        text = _report(arguments["truth"], evaluations, protocol, several)
+        text = _report(options.truth, evaluations, protocol, several)
     with open_output("-", binary=False) as output:
         output.write(f"{text}\n")
 
@@ -190,20 +127,10 @@ def _facts(
 
 
 def _draw(
-    arguments: dict[str, Any],
-    names: Sequence[str],
-    evaluations: Sequence[Evaluation],
-    truth: Trajectory,
-    protocol: Protocol,
+    options: EvalOptions, target: str, inputs: Sequence[Path], evaluations: Sequence[Evaluation], truth: Trajectory
 ) -> None:
     from mclcli.cli import pictures
     from mclcli.cli.eval.pictures import picture_of
-    from mclcli.io.maps.map_yaml import load_map
 
-    grid = None
-    if arguments["map_file"] is not None:
-        grid = load_map(
-            arguments["map_file"], max_cells=arguments["max_cells"], allow_outside=arguments["allow_outside"]
-        )
-    drawn = picture_of(grid, evaluations, truth, Path(arguments["truth"]).name, protocol)
-    pictures.save(drawn, arguments["picture"], _inputs(arguments, names))
+    grid = None if options.map_file is None else options.map_limits.load(options.map_file)
+    pictures.save(picture_of(grid, evaluations, truth, Path(options.truth).name, options.protocol), target, inputs)

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -15,7 +14,9 @@ from mclcli.io.traces.sinks import stamp_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
+    from mclcli.cli.locate.options import LocateOptions
     from mclcli.replay.finder import GlobalSearch
     from mclcli.search.locating import Location, Mode
     from mclcli.sensors.observation import Observation
@@ -32,9 +33,9 @@ class Results:
     """Searches one after the other, as text; the last one is remembered for the picture."""
 
     def __init__(
-        self, arguments: dict[str, Any], search: GlobalSearch, grid: OccupancyGrid, inputs: Sequence[Path]
+        self, options: LocateOptions, search: GlobalSearch, grid: OccupancyGrid, inputs: Sequence[Path]
     ) -> None:
-        self._arguments = arguments
+        self._options = options
         self._search = search
         self._grid = grid
         self._inputs = inputs
@@ -45,7 +46,7 @@ class Results:
     @property
     def header(self) -> str:
         """First line of the CSV; JSON has none."""
-        return "" if self._arguments["as_json"] else ",".join(COLUMNS) + "\n"
+        return "" if self._options.as_json else ",".join(COLUMNS) + "\n"
 
     def add(self, moment: Sequence[Observation]) -> str:
         """Search, and say what was found.
@@ -56,18 +57,18 @@ class Results:
             If the scan has no beam that says anything.
 
         """
-        location = self._search.find(moment, self._arguments["number"])
+        location = self._search.find(moment, self._options.number)
         if location is None or not location.beams:
             raise InputError(
-                f"{self._arguments['scan']}: the scan has no reading between its minimum and maximum range; "
+                f"{self._options.source.scan}: the scan has no reading between its minimum and maximum range; "
                 "it says nothing about where it was taken"
             )
         self._last = (location, moment)
         self.count += 1
-        self.ambiguous += location.modes[0].share < self._arguments["min_share"]
+        self.ambiguous += location.modes[0].share < self._options.min_share
         stamp_ns = moment[-1].reading.stamp_ns
-        if self._arguments["as_json"]:
-            return json.dumps(_as_json(location, stamp_ns, self._arguments["min_share"])) + "\n"
+        if self._options.as_json:
+            return json.dumps(_as_json(location, stamp_ns, self._options.min_share)) + "\n"
         return "".join(_lines(location, stamp_ns))
 
     def conclude(self) -> None:
@@ -75,8 +76,8 @@ class Results:
         assert self._last is not None  # noqa: S101 - the caller counted
         location, moment = self._last
         best = location.modes[0]
-        if self._arguments["picture"]:
-            self._draw(location, moment)
+        if self._options.picture:
+            self._draw(self._options.picture, location, moment)
         if self.count > 1:
             console.remark(f"{self.count} scans, {self.count - self.ambiguous} of them unambiguous")
             return
@@ -90,7 +91,7 @@ class Results:
         if self.ambiguous:
             console.remark("a longer --window, --prior or --region may tell the places apart")
 
-    def _draw(self, location: Location, moment: Sequence[Observation]) -> None:
+    def _draw(self, target: str, location: Location, moment: Sequence[Observation]) -> None:
         from mclcli.geometry import se2
         from mclcli.render.modes import draw_modes
 
@@ -103,11 +104,11 @@ class Results:
             poses,
             np.array([mode.share for mode in location.modes]),
             se2.compose(poses[0], ends)[:, :2],
-            title=f"Where the scan was taken on {Path(self._arguments['map_file']).name}",
+            title=f"Where the scan was taken on {self._options.map_file.name}",
             subtitle=f"best place {_floor(location.modes[0].share)}, not on this map {_floor(location.elsewhere)}; "
             f"{location.beams} beams, {location.poses:.3g} poses, temperature {location.alpha:.2f}",
         )
-        pictures.save(picture, self._arguments["picture"], self._inputs)
+        pictures.save(picture, target, self._inputs)
 
 
 def _floor(share: float) -> str:

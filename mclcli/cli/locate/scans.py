@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli.cli.clock import parse_seconds
 from mclcli.errors import InputError, UsageError
 from mclcli.records import LaserScan, StampedPose
 from mclcli.sensors.observation import Observation
@@ -17,7 +16,9 @@ from mclcli.sensors.observation import Observation
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
-    from mclcli.cli.options import Chosen
+    from mclcli.arrays import FloatArray
+    from mclcli.cli.chosen import Chosen
+    from mclcli.cli.locate.options import LocateOptions
     from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import Roles
     from mclcli.replay.intake import Setup
@@ -48,7 +49,7 @@ class Moments:
 
 
 def find(
-    arguments: dict[str, Any],
+    options: LocateOptions,
     chosen: Chosen,
     grid: OccupancyGrid,
     landmarks: Landmarks | None,
@@ -65,63 +66,54 @@ def find(
     """
     from mclcli.cli import one_scan
 
-    window_ns = _seconds(arguments, "window")
-    every_ns = _seconds(arguments, "every")
-    if arguments["every"] is not None and (arguments["at"] is not None or arguments["index"] is not None):
+    at, index, every_ns, window_ns = options.source.at, options.source.index, options.every_ns, options.window_ns or 0
+    if every_ns is not None and (at is not None or index is not None):
         raise UsageError("--every looks at the whole log; leave --at and --index out")
-    source = arguments["scan"]
+    source = options.source.scan
     if source == "-" or not Path(source).exists() or not one_scan.is_log(Path(source)):
-        return _one_scan(arguments, chosen)
-    if arguments["bearings"] is not None:
+        return _one_scan(options, chosen)
+    if options.bearings is not None:
         raise UsageError("--bearings go with a single scan; in a log the landmarks' own topic is used")
-    recording, parts = one_scan.open_for_scan(Path(source), arguments["scan_topic"], chosen, arguments["odom"])
-    if not window_ns and arguments["every"] is None and landmarks is None:
-        scan = one_scan.scan_of_log(recording, parts, arguments["at"], arguments["index"])
-        mount = one_scan.mount_in_log(recording, parts, scan, arguments["mounts"])
+    recording, parts = one_scan.open_for_scan(Path(source), options.source.scan_topic, chosen, options.odom)
+    if not window_ns and every_ns is None and landmarks is None:
+        scan = one_scan.scan_of_log(recording, parts, at, index)
+        mount = one_scan.mount_in_log(recording, parts, scan, options.sensors.mounts)
         return Moments([_alone(scan, mount)], recording)
-    setup = _setup(arguments, chosen.settings, grid, landmarks, recording, parts)
+    setup = _setup(options, chosen.settings, grid, landmarks, recording, parts)
     moments = _moments(recording, setup, window_ns)
-    if arguments["every"] is not None:
+    if every_ns is not None:
         return Moments(_thinned(moments, max(every_ns, 1)), recording)
-    if arguments["at"] is None and arguments["index"] is None:
+    if at is None and index is None:
         return Moments(_first_whole(moments, window_ns), recording)
-    wanted = one_scan.scan_of_log(recording, parts, arguments["at"], arguments["index"])
+    wanted = one_scan.scan_of_log(recording, parts, at, index)
     return Moments([_that_of(moments, wanted, source)], recording)
 
 
-def _seconds(arguments: dict[str, Any], name: str) -> int:
-    if arguments[name] is None:
-        return 0
-    length = parse_seconds(arguments[name], f"--{name}")
-    if length < 0:
-        raise UsageError(f"--{name}: {arguments[name]} is less than 0")
-    return length
-
-
-def _alone(scan: LaserScan, mount: np.ndarray, topic: str = "scan") -> Moment:
+def _alone(scan: LaserScan, mount: FloatArray, topic: str = "scan") -> Moment:
     return (Observation(topic, scan, np.zeros(3), mount),)
 
 
-def _one_scan(arguments: dict[str, Any], chosen: Chosen) -> Moments:
+def _one_scan(options: LocateOptions, chosen: Chosen) -> Moments:
     """A scan as text, and the bearings that belong to it."""
     from mclcli.cli.one_scan import find_scan
     from mclcli.io.tables.landmarks_file import read_bearings
 
-    for option in ("window", "every", "odom"):
-        if arguments[option] is not None:
-            raise UsageError(f"--{option}: {arguments['scan']} is one scan, not a log; leave the option out")
-    if (arguments["landmarks"] is None) != (arguments["bearings"] is None):
+    for_logs = {"--window": options.window_ns, "--every": options.every_ns, "--odom": options.odom}
+    for option, value in for_logs.items():
+        if value is not None:
+            raise UsageError(f"{option}: {options.source.scan} is one scan, not a log; leave the option out")
+    if (options.landmarks is None) != (options.bearings is None):
         raise UsageError("--landmarks and --bearings go together: where the landmarks are, and what was seen of them")
-    mounted = find_scan(arguments, chosen)
+    mounted = find_scan(options.source, options.sensors.mounts, chosen)
     moment = _alone(mounted.scan, mounted.base_from_sensor)
-    if arguments["bearings"] is not None:
-        camera = arguments["mounts"].get("camera", np.eye(4))
-        moment = (Observation("bearings", read_bearings(arguments["bearings"]), np.zeros(3), camera), *moment)
+    if options.bearings is not None:
+        camera = options.sensors.mounts.get("camera", np.eye(4))
+        moment = (Observation("bearings", read_bearings(options.bearings), np.zeros(3), camera), *moment)
     return Moments([moment])
 
 
 def _setup(
-    arguments: dict[str, Any],
+    options: LocateOptions,
     settings: Settings,
     grid: OccupancyGrid,
     landmarks: Landmarks | None,
@@ -134,7 +126,7 @@ def _setup(
 
     if not parts.scan:
         raise InputError(
-            f"{arguments['scan']}: the log has no laser scan that can be used; `mcl info` shows what it has"
+            f"{options.source.scan}: the log has no laser scan that can be used; `mcl info` shows what it has"
         )
     return assemble.prepare(
         recording.survey,
@@ -142,7 +134,7 @@ def _setup(
         grid=grid,
         landmarks=landmarks,
         settings=settings,
-        mounts=arguments["mounts"],
+        mounts=options.sensors.mounts,
         make_field=lambda *what, **how: cached_field(*what, **how)[0],
     )
 

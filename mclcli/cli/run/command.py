@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import sys
 import time
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
-from mclcli.cli import options
-from mclcli.errors import InputError
+from mclcli.cli.options import into
+from mclcli.cli.run.options import RunOptions, run_options
+from mclcli.errors import ExitCode, InputError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+    from pathlib import Path
 
-    from mclcli.cli.options import Chosen
+    from mclcli.cli.chosen import Chosen
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import References
     from mclcli.io.recording.recording import Recording
@@ -24,87 +25,16 @@ if TYPE_CHECKING:
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
 
-DAMAGED = 3
-
 
 @click.command("run", short_help="Run Monte Carlo Localization over a log.")
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
-@click.option("--map", "map_file", type=click.Path(path_type=Path), help="Map, a map_server YAML; else the log's own.")
-@click.option(
-    "-o",
-    "--output",
-    "traces",
-    multiple=True,
-    metavar="TRACE",
-    help="Weight trace: .csv, .csv.gz, .mcap, or - for CSV on stdout; repeatable.",
-)
-@click.option(
-    "--track",
-    "tracks",
-    multiple=True,
-    metavar="FILE",
-    help="A pose per scan: .csv, .tum, or - for CSV on stdout; repeatable.",
-)
-@click.option("--steps", metavar="FILE", help="A row per update, CSV; - is stdout.")
-@click.option("--picture", metavar="F.png", help="Draw map, track, reference and final particles.")
-@click.option(
-    "--init",
-    metavar="WHERE",
-    help="X,Y,YAW[,SXY,SYAW], uniform over the free cells, global (where a search finds the scans), a TOPIC of the "
-    "log or FILE.tum.  [default: global]",
-)
-@click.option(
-    "--seed",
-    metavar="N",
-    type=click.IntRange(min=0, max=2**64 - 1),
-    default=0,
-    show_default=True,
-    help="Seed of every random stream.",
-)
-@click.option(
-    "--particles", metavar="N|MIN:MAX", help="Number of particles; of two, KLD sampling chooses between them."
-)
-@click.option(
-    "--recovery",
-    type=click.Choice(["off", "uniform", "locate"]),
-    help="Where particles are drawn anew when readings fit worse than they used to: nowhere, anywhere, or where a "
-    "search finds the readings.",
-)
-@click.option(
-    "--follow-initialpose",
-    is_flag=True,
-    help="Begin anew at every pose that the log's /initialpose states, as the robot did.",
-)
-@click.option("--deskew", is_flag=True, help="Score each beam of a scan from where the robot was at the beam's time.")
-@click.option("--scan-offset", metavar="S", help="Seconds to add to the stamps of laser scans; may be negative.")
-@click.option(
-    "--scan", "scans", multiple=True, metavar="TOPIC", help="Laser scan topic; the first one given triggers updates."
-)
-@click.option("--odom", metavar="TOPIC|tf", help="Odometry topic, or tf.")
-@click.option("--vision", multiple=True, metavar="TOPIC", help="Topic of landmark sightings; needs --landmarks.")
-@click.option("--landmarks", type=click.Path(path_type=Path), help="Landmarks, CSV or YAML: id, x, y[, z].")
-@click.option(
-    "--start", metavar="TIME", help="First scan to use: seconds into the log, @SECONDS, 14:32:05 or ISO 8601."
-)
-@click.option("--duration", metavar="S", help="How long to go on, in seconds.")
-@click.option("--strict", is_flag=True, help="Stop at the first damage in the log.")
-@click.option(
-    "--truth", metavar="FILE.tum|TOPIC", help="Reference for picture and report, as for mcl eval; never an input."
-)
-@click.option(
-    "--versus", metavar="TOPIC|tf:FRAME", help="What the robot itself believed, /amcl_pose or tf:map: since when apart?"
-)
-@options.parameters
-@options.model
-@options.map_limits
-@options.threads
-@options.common
-def command(**arguments: Any) -> int:
+@run_options
+@into(RunOptions)
+def command(options: RunOptions) -> ExitCode:
     """Track a robot through LOG: a file, a rosbag2 folder, several of them as one log, or - for a stream on stdin.
 
     With no output named, the track goes to stdout as CSV unless that is a terminal.
     """
-    from mclcli.cli import log_roles
+    from mclcli.cli.chosen import choose_settings
     from mclcli.cli.run import report
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import References, lines_of, report_of
@@ -112,16 +42,16 @@ def command(**arguments: Any) -> int:
     from mclcli.replay.loop import ReplayTally, replay
 
     began = time.perf_counter()
-    chosen = options.choose_settings(arguments, {}, _from_flags(arguments))
-    settings, recording = chosen.settings, _open(arguments)
-    parts = log_roles.assign_roles(arguments, recording, chosen)
-    grid, setup, landmarks = _set_up(arguments, recording, parts, chosen)
-    references = References(arguments["truth"], arguments["versus"], recording, setup)
-    inputs = _inputs(arguments)
-    if arguments["picture"]:
-        open_output(arguments["picture"], binary=True, inputs=inputs)  # refuses now what it would refuse at the end
+    chosen = choose_settings(options.parameters, {}, _from_flags(options))
+    settings, recording = chosen.settings, _open(options)
+    parts = _assign_roles(options, recording, chosen)
+    grid, setup, landmarks = _set_up(options, recording, parts, chosen)
+    references = References(options.truth, options.versus, recording, setup)
+    inputs = options.input_files
+    if options.picture:
+        open_output(options.picture, binary=True, inputs=inputs)  # refuses now what it would refuse at the end
     tally = ReplayTally()
-    with Outputs(arguments, recording, setup, settings, grid, landmarks, inputs) as outputs:
+    with Outputs(options, recording, setup, settings, grid, landmarks, inputs) as outputs:
         events = _events(recording, setup, outputs, references)
         with report.progress(recording) as show:
             for point in replay(events, setup, tally):
@@ -133,44 +63,68 @@ def command(**arguments: Any) -> int:
     findings = references.findings(outputs.track)
     compared = lines_of(findings)
     report.show(compared, report_of(findings))
-    if arguments["picture"]:
+    if options.picture:
         title = f"Track of {', '.join(recording.log.names)}"
         subtitle = compared[0] if compared else report.extent(tally, outputs.track)
-        report.draw(arguments["picture"], inputs, grid, outputs, findings, title, subtitle)
-    return DAMAGED if recording.tally.lossy else 0
+        report.draw(options.picture, inputs, grid, outputs, findings, title, subtitle)
+    return ExitCode.DAMAGED if recording.tally.lossy else ExitCode.COMPLETE
 
 
-def _inputs(arguments: dict[str, Any]) -> list[Path]:
-    """Files that are read, none of which may be written."""
-    named = (*arguments["logs"], *(arguments[name] for name in ("map_file", "landmarks", "params", "init", "truth")))
-    return [Path(name) for name in named if name and (name == "-" or Path(name).exists())]
+def _from_flags(options: RunOptions) -> dict[str, object]:
+    given = {"particles": options.particles, "recovery": options.recovery}
+    return {name: value for name, value in given.items() if value is not None}
 
 
-def _from_flags(arguments: dict[str, Any]) -> dict[str, object]:
-    return {name: arguments[name] for name in ("particles", "recovery") if arguments[name] is not None}
-
-
-def _open(arguments: dict[str, Any]) -> Recording:
+def _open(options: RunOptions) -> Recording:
     from mclcli.io.logs import open_log
     from mclcli.io.recording.recording import Recording
 
-    stdin = sys.stdin.buffer if "-" in arguments["logs"] else None
-    return Recording(open_log(arguments["logs"], stdin=stdin), strict=arguments["strict"])
+    stdin = sys.stdin.buffer if "-" in options.logs else None
+    return Recording(open_log(options.logs, stdin=stdin), strict=options.strict)
+
+
+def _assign_roles(options: RunOptions, recording: Recording, chosen: Chosen) -> Roles:
+    """Roles of the log's topics and frames; says so where there was a choice."""
+    from mclcli.cli import console
+    from mclcli.cli.chosen import names_in
+    from mclcli.io.recording import roles
+
+    topics = options.topics
+    if topics.vision and topics.landmarks is None:
+        raise UsageError("--vision needs --landmarks: where the landmarks stand")
+    overruled = {"scan_topic"} if topics.scans else set[str]()
+    if options.map_file is not None:
+        overruled.add("map_topic")
+    names = names_in(recording.survey, chosen, overruled)
+    requested = roles.RequestedRoles(
+        scan=topics.scans or ((names["scan_topic"],) if names["scan_topic"] else ()),
+        odometry=topics.odom or "",
+        vision=topics.vision,
+        map=names["map_topic"],
+        base_frame=names["base_frame_id"],
+        odom_frame=names["odom_frame_id"],
+        map_frame=chosen.settings.frames.global_frame_id,
+    )
+    parts = roles.assign(recording.survey, requested)
+    for role in ("scan", "odometry"):
+        if "not " in (reason := parts.reasons.get(role, "")):
+            console.remark(f"{role}: {' '.join(getattr(parts, role)) if role == 'scan' else parts.odometry}, {reason}")
+    return parts
 
 
 def _set_up(
-    arguments: dict[str, Any], recording: Recording, parts: Roles, chosen: Chosen
+    options: RunOptions, recording: Recording, parts: Roles, chosen: Chosen
 ) -> tuple[OccupancyGrid | None, Setup, Landmarks | None]:
-    from mclcli.cli.log_roles import start_of_file
-    from mclcli.cli.run.start import find_initialpose, read_offset, read_start, read_window
+    from mclcli.cli.run.start import find_initialpose, read_start, start_of_file, window_ns
     from mclcli.cli.searching import search_for
     from mclcli.io.maps.field_cache import cached_field
     from mclcli.replay import setup as assemble
 
-    grid = _find_map(arguments, recording, parts)
-    landmarks = _read_landmarks(arguments["landmarks"])
-    start = start_of_file(chosen, grid) if arguments["init"] is None else read_start(arguments["init"], recording)
-    start, proposal = search_for(arguments, chosen.settings, grid, landmarks, parts, start)
+    grid = _find_map(options, recording, parts)
+    landmarks = _read_landmarks(options.topics.landmarks)
+    start = start_of_file(chosen, grid) if options.init is None else read_start(options.init, recording)
+    anywhere = start is None and options.init != "uniform" and not options.follow_initialpose
+    start, proposal = search_for(chosen.settings, grid, landmarks, parts, start, anywhere=anywhere)
     setup = assemble.prepare(
         recording.survey,
         parts,
@@ -179,15 +133,15 @@ def _set_up(
         settings=chosen.settings,
         start=start,
         proposal=proposal,
-        follow=find_initialpose(recording) if arguments["follow_initialpose"] else "",
-        deskew=arguments["deskew"],
-        scan_offset_ns=read_offset(arguments["scan_offset"]),
-        seed=arguments["seed"],
-        temperature=arguments["temperature"],
-        mounts=arguments["mounts"],
-        window_ns=read_window(arguments["start"], arguments["duration"], recording.first_ns),
+        follow=find_initialpose(recording) if options.follow_initialpose else "",
+        deskew=options.deskew,
+        scan_offset_ns=options.scan_offset_ns,
+        seed=options.seed,
+        temperature=options.sensors.temperature,
+        mounts=options.sensors.mounts,
+        window_ns=window_ns(options.start, options.duration_ns, recording.first_ns),
         make_field=lambda *what, **how: cached_field(*what, **how)[0],
-        threads=arguments["threads"],
+        threads=options.threads,
     )
     return grid, setup, landmarks
 
@@ -200,16 +154,13 @@ def _read_landmarks(path: Path | None) -> Landmarks | None:
     return read_landmarks(path)
 
 
-def _find_map(arguments: dict[str, Any], recording: Recording, parts: Roles) -> OccupancyGrid | None:
+def _find_map(options: RunOptions, recording: Recording, parts: Roles) -> OccupancyGrid | None:
     """The map asked for, else the one that the log holds."""
     from mclcli.cli import console
-    from mclcli.io.maps.map_yaml import load_map
     from mclcli.world.occupancy import OccupancyGrid
 
-    if arguments["map_file"] is not None:
-        return load_map(
-            arguments["map_file"], max_cells=arguments["max_cells"], allow_outside=arguments["allow_outside"]
-        )
+    if options.map_file is not None:
+        return options.map_limits.load(options.map_file)
     if not parts.map:
         return None
     grid = recording.survey.topics[parts.map].sample

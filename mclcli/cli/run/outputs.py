@@ -8,7 +8,7 @@ import re
 import sys
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 from mclcli.cli import console
 from mclcli.errors import UsageError
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
+    from mclcli.cli.run.options import RunOptions
     from mclcli.io.recording.recording import Recording
     from mclcli.io.traces.sinks import RecordWriter
     from mclcli.io.traces.trace_mcap import TraceMcap
@@ -44,7 +45,7 @@ class Outputs:
 
     def __init__(
         self,
-        arguments: dict[str, Any],
+        options: RunOptions,
         recording: Recording,
         setup: Setup,
         settings: Settings,
@@ -53,12 +54,12 @@ class Outputs:
         inputs: Sequence[Path],
     ) -> None:
         # Kept where something is made of it at the end: a log may be longer than memory.
-        self.track = Track(whole=any(arguments[name] for name in ("picture", "truth", "versus")))
+        self.track = Track(whole=bool(options.picture or options.truth or options.versus))
         self.last_step: StepRecord | None = None
-        self._targets = _targets(arguments)
+        self._targets = _targets(options)
         self._recording, self._setup, self._grid, self._inputs = recording, setup, grid, inputs
         self._settings = settings
-        self._metadata = _metadata(arguments, recording, setup, settings, grid, landmarks)
+        self._metadata = _metadata(options, recording, setup, settings, grid, landmarks)
         self._stack = ExitStack()
         self._opened: list[Output] = []
         self._points: list[RecordWriter[TrackPoint]] = []
@@ -130,7 +131,7 @@ class Outputs:
         else:
             self._points.append(TumWriter(stream) if target.endswith(".tum") else TrackCsv(stream))
 
-    def _mcap(self, stream: Any) -> TraceMcap:
+    def _mcap(self, stream: Output) -> TraceMcap:
         from mclcli.io.tables.params_yaml import format_params
         from mclcli.io.traces.trace_mcap import TraceMcap
 
@@ -148,11 +149,11 @@ class Outputs:
         )
 
 
-def _targets(arguments: dict[str, Any]) -> list[tuple[str, str]]:
+def _targets(options: RunOptions) -> list[tuple[str, str]]:
     """Role and name of every output; the track on stdout if none is named and stdout is not a terminal."""
-    targets = [("trace", name) for name in arguments["traces"]] + [("track", name) for name in arguments["tracks"]]
-    if arguments["steps"]:
-        targets.append(("steps", arguments["steps"]))
+    targets = [("trace", name) for name in options.traces] + [("track", name) for name in options.tracks]
+    if options.steps:
+        targets.append(("steps", options.steps))
     for role, name in targets:
         _check_suffix(role, name)
     names = [name for _, name in targets]
@@ -161,7 +162,7 @@ def _targets(arguments: dict[str, Any]) -> list[tuple[str, str]]:
     for name in names:
         if name != "-" and names.count(name) > 1:
             raise UsageError(f"{name}: named for two outputs; give each its own name")
-    if not targets and not arguments["picture"] and not sys.stdout.isatty():
+    if not targets and not options.picture and not sys.stdout.isatty():
         targets.append(("track", "-"))
     return targets
 
@@ -175,7 +176,7 @@ def _check_suffix(role: str, name: str) -> None:
 
 
 def _metadata(
-    arguments: dict[str, Any],
+    options: RunOptions,
     recording: Recording,
     setup: Setup,
     settings: Settings,
@@ -192,12 +193,12 @@ def _metadata(
         "parameters": settings.values(),
         "topics": {i.name: topic for topic, i in setup.instruments.items()},
         "odometry": setup.odometry,
-        "logs": [Path(name).name for name in arguments["logs"]],
+        "logs": [Path(name).name for name in options.logs],
         "log_sha256": recording.log.digest(),
         "argv": recorded_argv(sys.argv[1:]),
     }
     if grid is not None:
-        metadata["map"] = Path(arguments["map_file"]).name if arguments["map_file"] else "from the log"
+        metadata["map"] = Path(options.map_file).name if options.map_file else "from the log"
         metadata["map_sha256"] = grid.digest()
     if landmarks is not None:
         metadata["landmarks_sha256"] = hashlib.sha256(

@@ -70,7 +70,7 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
 
 
 def extent(tally: ReplayTally, track: Track) -> str:
-    """How much was driven: the same whenever the same is run."""
+    """How much was driven, without anything that differs from one run to the next."""
     return f"{tally.updates} updates over {track.seconds:.1f} s and {tally.distance:.1f} m"
 
 

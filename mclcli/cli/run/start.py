@@ -1,4 +1,4 @@
-"""Where and when a run starts, from --init, --start and --duration."""
+"""Where and when a run starts, from --init, the robot's own file, --start and --duration."""
 
 from __future__ import annotations
 
@@ -8,22 +8,25 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli.cli.clock import parse_seconds, parse_time
+from mclcli.cli import console
 from mclcli.errors import InputError, UsageError
 from mclcli.filter.particles import DEFAULT_SPREAD
 from mclcli.filter.start import AlongPoses, AroundPose, Start
 from mclcli.io.recording import roles
-from mclcli.quantity import parse_list, parse_quantity
+from mclcli.quantity import parse_list
 from mclcli.records import Odometry, StampedPose
 
 if TYPE_CHECKING:
+    from mclcli.cli.chosen import Chosen
+    from mclcli.cli.clock import LogTime
     from mclcli.io.recording.recording import Recording
+    from mclcli.world.occupancy import OccupancyGrid
 
 _ALWAYS = (-(2**63), 2**63 - 1)
 _NUMBERS = re.compile(r"\s*[-+.\d][^/]*,.*")
 
 
-def read_start(text: str | None, recording: Recording) -> Start | None:
+def read_start(text: str, recording: Recording) -> Start | None:
     """Start that --init names; None for ``uniform`` and ``global``: anywhere on the map, or where a search finds it.
 
     Raises
@@ -34,9 +37,8 @@ def read_start(text: str | None, recording: Recording) -> Start | None:
         If the topic or file states no pose.
 
     """
-    if text in {None, "global", "uniform"}:
+    if text in {"global", "uniform"}:
         return None
-    assert text is not None  # noqa: S101
     if names_topic(text, recording):
         return AlongPoses(poses_of_topic(recording, text))
     if _NUMBERS.fullmatch(text) and not Path(text).exists():
@@ -74,6 +76,30 @@ def poses_of_topic(recording: Recording, topic: str) -> list[StampedPose]:
     return stamped
 
 
+def start_of_file(chosen: Chosen, grid: OccupancyGrid | None) -> Start | None:
+    """The start that the robot's file states, None if it states none.
+
+    Raises
+    ------
+    UsageError
+        If it lies off the map.
+
+    """
+    file = chosen.file
+    if file is None or file.start is None:
+        return None
+    from mclcli.replay.setup import describe_extent
+
+    x, y, yaw = (float(value) for value in file.start.pose)
+    if grid is not None and not grid.contains(file.start.pose[:2]):
+        raise UsageError(
+            f"{file.name}: its initial_pose ({x:g}, {y:g}) lies off the map; {describe_extent(grid)}; give --init"
+        )
+    spread = "with its covariance" if file.start.covariance.any() else "all particles there, as in nav2_amcl"
+    console.remark(f"start: initial_pose of {file.name}, {x:g},{y:g},{yaw:g}, {spread}; --init says otherwise")
+    return AroundPose(file.start.pose, file.start.covariance)
+
+
 def find_initialpose(recording: Recording) -> str:
     """Topic on which an operator told the robot where it was.
 
@@ -90,20 +116,12 @@ def find_initialpose(recording: Recording) -> str:
     return topic
 
 
-def read_offset(text: str | None) -> int:
-    """Nanoseconds of --scan-offset."""
-    return 0 if text is None else round(parse_quantity(text, "s", "--scan-offset") * 1e9)
-
-
-def read_window(start: str | None, duration: str | None, first_ns: int) -> tuple[int, int]:
+def window_ns(start: LogTime | None, duration_ns: int | None, first_ns: int) -> tuple[int, int]:
     """First and last stamp of the scans to use."""
-    begin = _ALWAYS[0] if start is None else parse_time(start, first_ns, "--start")
-    if duration is None:
+    begin = _ALWAYS[0] if start is None else start.stamp_ns(first_ns)
+    if duration_ns is None:
         return begin, _ALWAYS[1]
-    length = parse_seconds(duration, "--duration")
-    if length <= 0:
-        raise UsageError(f"--duration: {duration} is not greater than 0")
-    return begin, (first_ns if start is None else begin) + length
+    return begin, (first_ns if start is None else begin) + duration_ns
 
 
 def _around(text: str) -> AroundPose:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mclcli.cli import pictures
-from mclcli.cli.score.sensors import input_files, instruments
+from mclcli.cli.score.sensors import instruments
 from mclcli.errors import UsageError
 from mclcli.geometry import se2
 from mclcli.io.traces.output import open_output
@@ -20,8 +20,11 @@ from mclcli.sensors.models import LIDAR_MODELS
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from PIL.Image import Image
+
     from mclcli.arrays import FloatArray
     from mclcli.cli.one_scan import MountedScan
+    from mclcli.cli.score.options import ScoreOptions
     from mclcli.sensors.instruments import Reading
     from mclcli.settings.profiles import Settings
     from mclcli.world.occupancy import OccupancyGrid
@@ -29,9 +32,7 @@ if TYPE_CHECKING:
 _HEADER = ("sensor", "name", "angle", "measured", "expected", "error", *COMPONENTS, "log_p")
 
 
-def run(
-    arguments: dict[str, Any], settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: FloatArray
-) -> None:
+def run(options: ScoreOptions, settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: FloatArray) -> None:
     """Write the table, and draw the picture, that the options ask for.
 
     Raises
@@ -44,17 +45,18 @@ def run(
         raise UsageError(f"--explain and --picture take one pose, not {len(poses)}; give one with --pose X,Y,YAW")
     rows = [
         (instrument.name, row)
-        for instrument, reading, mount in instruments(arguments, settings, grid, scan, 1)
+        for instrument, reading, mount in instruments(options, settings, grid, scan, 1)
         for row in _explain(instrument, reading, mount, poses[0], settings.model)
     ]
-    inputs = input_files(arguments)
-    if arguments["explain"]:
-        with open_output(arguments["output"] or "-", binary=False, inputs=inputs) as output:
+    inputs = options.input_files
+    if options.explain:
+        with open_output(options.output or "-", binary=False, inputs=inputs) as output:
             output.write(",".join(_HEADER) + "\n")
             output.write("".join(_lines(rows)))
-    if arguments["picture"]:
+    if options.picture:
         lidar_rows = [row for sensor, row in rows if sensor == "lidar"]
-        _draw(arguments, grid, scan, settings, poses[0], lidar_rows)
+        picture = _draw(grid, scan, settings, poses[0], lidar_rows)
+        pictures.save(picture, options.picture, inputs)
 
 
 def _explain(
@@ -85,13 +87,12 @@ def _number(value: float | None) -> str:
 
 
 def _draw(
-    arguments: dict[str, Any],
     grid: OccupancyGrid,
     scan: MountedScan,
     settings: Settings,
     pose: FloatArray,
     rows: list[Explanation],
-) -> None:
+) -> Image:
     """The scan on the map from this pose, endpoints coloured by log p."""
     from mclcli.geometry import se3
     from mclcli.render.scan import draw_scan
@@ -102,7 +103,7 @@ def _draw(
     ends[seen] = se2.compose(pose, np.column_stack([selected.endpoints[seen], np.zeros(np.count_nonzero(seen))]))
     x, y, yaw = pose
     total = sum(row.log_p for row in rows)
-    picture = draw_scan(
+    return draw_scan(
         grid,
         se2.compose(pose, se3.to_planar(scan.base_from_sensor)),
         ends[:, :2],
@@ -110,4 +111,3 @@ def _draw(
         title=f"Scan at x {x:.2f} m, y {y:.2f} m, yaw {np.degrees(yaw):.1f}°",
         subtitle=f"{len(rows)} beams, {np.count_nonzero(~seen)} of them without a return; log p {total:.2f} in all",
     )
-    pictures.save(picture, arguments["picture"], input_files(arguments))

@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
 from mclcli import rng
 from mclcli.cli import console
+from mclcli.cli.score.options import YAW_STEP
 from mclcli.errors import UsageError
-from mclcli.filter import lattice, particles
+from mclcli.filter import particles
 from mclcli.geometry import se2
-from mclcli.quantity import parse_list
 from mclcli.replay.setup import describe_extent
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.cli.parse import Pose
+    from mclcli.cli.score.options import PoseOptions
     from mclcli.world.occupancy import OccupancyGrid
 
 _HEATMAP_POSITIONS = 15_000
@@ -36,21 +38,21 @@ class Candidates:
     step: float
 
 
-def collect(arguments: dict[str, Any], grid: OccupancyGrid) -> Candidates:
-    """Poses of --pose, then --poses, --around and --grid."""
-    sets = [_given(arguments["given"], grid)]
+def collect(options: PoseOptions, grid: OccupancyGrid, *, for_heatmap: bool) -> Candidates:
+    """Poses of --pose, then --poses, --around and --grid; of a heat map without any, a lattice over the map."""
+    sets = [_given(options.given, grid)]
     columns: tuple[str, ...] = ()
     texts: list[tuple[str, ...]] = []
-    if arguments["poses_file"]:
-        poses, columns, rows = _from_file(arguments["poses_file"], grid)
+    if options.poses_file:
+        poses, columns, rows = _from_file(options.poses_file, grid)
         texts = [("",) * len(columns)] * len(sets[0]) + rows
         sets.append(poses)
-    if arguments["around"] is not None:
-        sets.append(_drawn(arguments, grid))
+    if options.around is not None:
+        sets.append(_drawn(options, options.around, grid))
     step = 0.0
-    if arguments["lattice"] or (arguments["heatmap"] and sum(len(s) for s in sets) == 0):
-        step, yaw_step = _steps(arguments["lattice"], grid)
-        sets.append(lattice.poses(grid, step, yaw_step))
+    if options.lattice or (for_heatmap and sum(len(s) for s in sets) == 0):
+        step, yaw_step = options.lattice or _steps_over_all(grid)
+        sets.append(lattice_poses(grid, step, yaw_step))
     poses = np.concatenate(sets)
     if not poses.size:
         raise UsageError("no pose to score; name some with --pose, --poses, --around or --grid")
@@ -58,7 +60,7 @@ def collect(arguments: dict[str, Any], grid: OccupancyGrid) -> Candidates:
     return Candidates(poses, columns, texts, step)
 
 
-def _given(poses: list[tuple[float, ...]], grid: OccupancyGrid) -> FloatArray:
+def _given(poses: list[Pose], grid: OccupancyGrid) -> FloatArray:
     array = np.array(poses, dtype=np.float64).reshape(-1, 3)
     array[:, 2] = se2.wrap(array[:, 2])
     for x, y, _ in array[~grid.contains(array[:, :2])]:
@@ -76,24 +78,41 @@ def _from_file(source: str, grid: OccupancyGrid) -> tuple[FloatArray, tuple[str,
     return poses, columns, rows
 
 
-def _drawn(arguments: dict[str, Any], grid: OccupancyGrid) -> FloatArray:
-    x, y, yaw = arguments["around"]
+def _drawn(options: PoseOptions, around: Pose, grid: OccupancyGrid) -> FloatArray:
+    x, y, _ = around
     if not grid.contains([x, y]):
         raise UsageError(f"--around: ({x:g}, {y:g}) lies off the map; {describe_extent(grid)}")
-    spread = parse_list(arguments["spread"], ("m", "rad"), "--spread")
-    if len(spread) != 2 or min(spread) < 0.0:
-        raise UsageError(f"--spread: '{arguments['spread']}' is not SXY,SYAW, two standard deviations")
-    covariance = np.diag(np.square([spread[0], spread[0], spread[1]]))
-    draws = rng.stream(arguments["seed"], rng.Purpose.SCATTER)
-    return particles.gaussian(np.array([x, y, yaw]), covariance, arguments["number"], draws)
+    sigma, sigma_yaw = options.spread
+    covariance = np.diag(np.square([sigma, sigma, sigma_yaw]))
+    return particles.gaussian(
+        np.array(around), covariance, options.number, rng.stream(options.seed, rng.Purpose.SCATTER)
+    )
 
 
-def _steps(text: str | None, grid: OccupancyGrid) -> tuple[float, float]:
-    """Spacing [m] and turn [rad] of the lattice; without --grid as fine as a picture of the whole map needs."""
-    if text is None:
-        free_area = float(grid.free.sum()) * grid.resolution**2
-        return max(grid.resolution, float(np.sqrt(free_area / _HEATMAP_POSITIONS))), float(np.radians(5.0))
-    steps = parse_list(text, ("m", "rad"), "--grid")
-    if min(steps) <= 0.0:
-        raise UsageError(f"--grid: '{text}' needs steps greater than 0")
-    return steps[0], steps[1] if len(steps) > 1 else float(np.radians(5.0))
+def _steps_over_all(grid: OccupancyGrid) -> tuple[float, float]:
+    """Spacing [m] and turn [rad] of a lattice as fine as a picture of the whole map needs."""
+    free_area = float(grid.free.sum()) * grid.resolution**2
+    return max(grid.resolution, float(np.sqrt(free_area / _HEATMAP_POSITIONS))), YAW_STEP
+
+
+def positions(grid: OccupancyGrid, step: float) -> FloatArray:
+    """Points (P, 2) [m] of a square lattice in map, ``step`` [m] apart, in free cells; row by row from below."""
+    corners = grid.to_map([[0, 0], [grid.width, 0], [grid.width, grid.height], [0, grid.height]])
+    low, high = np.ceil(corners.min(axis=0) / step), np.floor(corners.max(axis=0) / step)
+    xs, ys = np.arange(low[0], high[0] + 1) * step, np.arange(low[1], high[1] + 1) * step
+    points = np.stack(np.meshgrid(xs, ys), axis=-1).reshape(-1, 2)
+    points = points[grid.contains(points)]
+    cells = np.floor(grid.to_cells(points)).astype(np.intp)
+    return points[grid.free[cells[:, 1], cells[:, 0]]]
+
+
+def headings(step: float) -> FloatArray:
+    """Yaws (Q,) [rad] evenly over (−π, π], at most ``step`` apart, 0 among them."""
+    count = max(1, int(np.ceil(se2.TAU / step - 1e-9)))
+    return np.sort(se2.wrap(np.arange(count) * (se2.TAU / count)))
+
+
+def lattice_poses(grid: OccupancyGrid, step: float, yaw_step: float) -> FloatArray:
+    """Poses (P·Q, 3): every heading at every position, headings varying fastest."""
+    points, yaws = positions(grid, step), headings(yaw_step)
+    return np.column_stack([np.repeat(points, yaws.size, axis=0), np.tile(yaws, points.shape[0])])

@@ -2,27 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from mclcli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
     from mclcli.cli.one_scan import MountedScan
+    from mclcli.cli.score.options import ScoreOptions
     from mclcli.sensors.instruments import Camera, Lidar, Reading
     from mclcli.settings.profiles import Settings
     from mclcli.world.occupancy import OccupancyGrid
 
 
-def input_files(arguments: dict[str, Any]) -> list[Path]:
-    """Files that are read, none of which may be written."""
-    names = ("scan", "map_file", "poses_file", "landmarks", "bearings", "params")
-    return [Path(arguments[name]) for name in names if arguments[name]]
-
-
 def instruments(
-    arguments: dict[str, Any], settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: int
+    options: ScoreOptions, settings: Settings, grid: OccupancyGrid, scan: MountedScan, poses: int
 ) -> list[tuple[Lidar | Camera, Reading, FloatArray]]:
     """The lidar, and a camera where there are bearings, each with its reading and its mount (4, 4)."""
     import numpy as np
@@ -35,17 +29,17 @@ def instruments(
 
     job_size = poses * scan.scan.ranges.size
     make_field = lambda *what, **how: cached_field(*what, **how)[0]  # noqa: E731
-    model = lidar_model(grid, settings, make_field, job_size, arguments["threads"])
-    temperature = arguments["temperature"]
+    model = lidar_model(grid, settings, make_field, job_size, options.threads)
+    temperature, mounts = options.sensors.temperature, options.sensors.mounts
     lidar = Lidar("lidar", model, settings.beams, alpha_of(temperature, "lidar", 1.0))
     problem = lidar.problem(scan.scan)
     if problem:
-        raise InputError(f"{arguments['scan']}: {problem}; it cannot be scored")
+        raise InputError(f"{options.source.scan}: {problem}; it cannot be scored")
     used: list[tuple[Lidar | Camera, Reading, FloatArray]] = [(lidar, scan.scan, scan.base_from_sensor)]
-    if (arguments["landmarks"] is None) != (arguments["bearings"] is None):
+    if (options.landmarks is None) != (options.bearings is None):
         raise UsageError("--landmarks and --bearings go together: where the landmarks are, and what was seen of them")
-    if arguments["landmarks"] is not None:
-        landmarks, alpha = read_landmarks(arguments["landmarks"]), alpha_of(temperature, "vision", 1.0)
+    if options.landmarks is not None and options.bearings is not None:
+        landmarks, alpha = read_landmarks(options.landmarks), alpha_of(temperature, "vision", 1.0)
         camera = Camera("vision", BearingModel(settings.bearing, job_size), landmarks, alpha)
-        used.append((camera, read_bearings(arguments["bearings"]), arguments["mounts"].get("camera", np.eye(4))))
+        used.append((camera, read_bearings(options.bearings), mounts.get("camera", np.eye(4))))
     return used

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.arrays import FloatArray
-    from mclcli.world.distance_field import Method
+    from mclcli.world import FieldMethod
     from mclcli.world.occupancy import OccupancyGrid
 
 _MAGIC = b"mcl distance field\n"
@@ -35,14 +35,24 @@ _PIECE = 1 << 19  # bytes that are read and hashed at a time
 
 
 def field_path(
-    grid: OccupancyGrid, method: Method, max_dist: float, *, boundary_only: bool = False, mark_unknown: bool = False
+    grid: OccupancyGrid,
+    method: FieldMethod,
+    max_dist: float,
+    *,
+    boundary_only: bool = False,
+    mark_unknown: bool = False,
 ) -> Path:
     """Where the field of this map, method and clamp belongs."""
     return _path(grid, _kind(method, boundary_only=boundary_only, mark_unknown=mark_unknown), max_dist)
 
 
 def cached_field(
-    grid: OccupancyGrid, method: Method, max_dist: float, *, boundary_only: bool = False, mark_unknown: bool = False
+    grid: OccupancyGrid,
+    method: FieldMethod,
+    max_dist: float,
+    *,
+    boundary_only: bool = False,
+    mark_unknown: bool = False,
 ) -> tuple[DistanceField, bool]:
     """The distance field, and whether it came from the cache; computed and stored where it did not.
 
@@ -61,7 +71,7 @@ def cached_field(
     return field, False
 
 
-def _kind(method: Method, *, boundary_only: bool, mark_unknown: bool) -> str:
+def _kind(method: FieldMethod, *, boundary_only: bool, mark_unknown: bool) -> str:
     return f"{method}{' boundary' if boundary_only else ''}{' unknown' if mark_unknown else ''}"
 
 

@@ -77,11 +77,6 @@ def read(path: str | Path, limits: Limits = MAP_LIMITS, *, several: bool = False
     return parse(read_bytes(path, limits.size), str(path), limits, several=several)
 
 
-def load_yaml_file(path: str | Path, limits: Limits = MAP_LIMITS) -> Value:
-    """Plain value of a YAML file with one document; errors as of ``read``."""
-    return read(path, limits).value
-
-
 def parse(data: bytes, name: str, limits: Limits = MAP_LIMITS, *, several: bool = False) -> Document:
     """First document of YAML text in UTF-8; ``name`` is what messages call it.
 

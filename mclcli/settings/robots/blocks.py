@@ -32,7 +32,7 @@ class NodeParameters:
 
 
 def parameters_of_amcl(file: ParameterFile) -> NodeParameters:
-    """Parameters that amcl would be given: of all blocks that name it, later ones going before earlier, as in rclcpp.
+    """Parameters that amcl would be given: of all blocks that name it, later ones override earlier, as in rclcpp.
 
     Raises
     ------

@@ -20,11 +20,12 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from mclcli.io.tables.params_yaml import Given
+    from mclcli.settings import Profile
     from mclcli.settings.robots.names import Name
     from mclcli.settings.robots.start import InitialPose
 
 DEFAULT_MODEL = "likelihood_field"  # as in nav2_amcl and Beluga
-PROFILES = {"nav2_amcl": "nav2", "Beluga": "beluga"}
+PROFILES: dict[str, Profile] = {"nav2_amcl": "nav2", "Beluga": "beluga"}
 _TENTATIVE = ("base_frame_id", "odom_frame_id", "scan_topic", "map_topic")
 
 
@@ -41,7 +42,7 @@ class FileParameters:
 
     name: str
     dialect: str
-    profile: str | None
+    profile: Profile | None
     model: str | None
     values: dict[str, names.Value]
     tentative: frozenset[str] = frozenset()
@@ -52,7 +53,7 @@ class FileParameters:
     warnings: tuple[str, ...] = ()
 
 
-def load(path: str | Path, *, profile: str | None = None, model: str | None = None) -> FileParameters:
+def load(path: str | Path, *, profile: Profile | None = None, model: str | None = None) -> FileParameters:
     """Read a file of parameters; ``profile`` and ``model`` are what the user wants whatever the file says.
 
     Raises
@@ -75,10 +76,10 @@ def load_settings(
     path: str | Path,
     values: Mapping[str, object] | None = None,
     *,
-    profile: str | None = None,
+    profile: Profile | None = None,
     model: str | None = None,
 ) -> profiles.Settings:
-    """Settings of a file of parameters, with other ``values`` going before those of the file; errors as of ``load``."""
+    """Settings of a file of parameters, with ``values`` that override those of the file; errors as of ``load``."""
     return settings_of(load(path, profile=profile, model=model), values or {}, profile=profile, model=model)
 
 
@@ -87,7 +88,7 @@ def settings_of(
     values: Mapping[str, object],
     *,
     base: Mapping[str, object] = MappingProxyType({}),
-    profile: str | None = None,
+    profile: Profile | None = None,
     model: str | None = None,
 ) -> profiles.Settings:
     """Settings with ``values`` over those of a file over ``base``.
@@ -116,10 +117,10 @@ def from_node(
     node: NodeParameters,
     own: Mapping[str, Given],
     *,
-    profile: str | None = None,
+    profile: Profile | None = None,
     model: str | None = None,
 ) -> FileParameters:
-    """Parameters of a node as mcl's; ``own`` are those of the file's block for mcl, which go before."""
+    """Parameters of a node as mcl's; ``own`` are those of the file's block for mcl, which override them."""
     extra = _of_mcl(name, own, model)
     as_read = {key: _read(name, key, given) for key, given in node.values.items() if key in names.NAMES}
     dialect = "Beluga" if any(names.is_belugas(key, as_read.get(key)) for key in node.certain) else "nav2_amcl"
@@ -158,7 +159,8 @@ def _of_mcl(name: str, own: Mapping[str, Given], model: str | None) -> FileParam
             )
     for key, value in values.items():
         _check(name, key, value, own[key], model or chosen.get("model", DEFAULT_MODEL))
-    return FileParameters(name, "mcl", chosen.get("profile"), chosen.get("model"), values)
+    profile = next((known for known in profiles.PROFILES if known == chosen.get("profile")), None)
+    return FileParameters(name, "mcl", profile, chosen.get("model"), values)
 
 
 def _check(name: str, key: str, value: object, given: Given | None, model: str) -> None:

@@ -9,6 +9,8 @@ from mclcli.settings.robots.reading import FileParameters, load
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from mclcli.settings import Profile
+
 # A whole robot: other nodes around amcl, with launch substitutions, lists, words for truth, and a key twice.
 NAV2 = """\
 # Robot in the hall
@@ -82,8 +84,8 @@ def amcl(*lines: str, head: str = "amcl:\n  ros__parameters:\n") -> str:
     return head + "".join(f"    {line}\n" for line in lines)
 
 
-def read(folder: Path, text: str, **wanted: str) -> FileParameters:
+def read(folder: Path, text: str, *, profile: Profile | None = None, model: str | None = None) -> FileParameters:
     """What a file of this text says."""
     path = folder / "robot.yaml"
     path.write_text(text, encoding="utf-8")
-    return load(path, **wanted)
+    return load(path, profile=profile, model=model)

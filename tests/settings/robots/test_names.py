@@ -6,7 +6,7 @@ import pytest
 
 from mclcli.motion import MODELS as MOTION_MODELS
 from mclcli.motion import MOTION_PLUGINS, MOTIONS
-from mclcli.settings import profiles
+from mclcli.settings import Profile, profiles
 from mclcli.settings.robots import names
 from mclcli.settings.robots.names import MODEL, NOTHING, START
 
@@ -57,7 +57,7 @@ def test_a_default_is_of_its_type_and_among_its_words(row: names.Name) -> None:
 
 @pytest.mark.parametrize("model", list(profiles.MODELS))
 @pytest.mark.parametrize("profile", ["nav2", "beluga"])
-def test_a_robots_default_is_that_of_its_profile(profile: str, model: str) -> None:
+def test_a_robots_default_is_that_of_its_profile(profile: Profile, model: str) -> None:
     values = profiles.build({}, profile=profile, model=model).values()
     for row in names.TABLE:
         default = row.nav2 if profile == "nav2" else row.beluga

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
+    from mclcli.settings import Profile
     from mclcli.settings.profiles import Settings
 
 MODELS, PROFILES = list(profiles.MODELS), list(profiles.PROFILES)
@@ -100,7 +101,7 @@ def test_nav2_finds_the_types_it_declares(settings: Settings) -> None:
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("profile", PROFILES)
-def test_the_defaults_of_every_profile_come_back(tmp_path: Path, profile: str, model: str) -> None:
+def test_the_defaults_of_every_profile_come_back(tmp_path: Path, profile: Profile, model: str) -> None:
     settings = profiles.build({}, profile=profile, model=model)
     (tmp_path / "nav2.yaml").write_text(to_nav2(settings))
     assert load_settings(tmp_path / "nav2.yaml") == settings

@@ -1,0 +1,74 @@
+"""The settings that a command works with, and the topics and frames that they name in a log."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
+
+from mclcli.cli import console
+
+if TYPE_CHECKING:
+    from collections.abc import Collection
+
+    from mclcli.cli.options import ParameterOptions
+    from mclcli.io.recording.survey import LogSurvey
+    from mclcli.settings.profiles import Settings
+    from mclcli.settings.robots.reading import FileParameters
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Chosen:
+    """Settings, and the file of --params that they come from, if any; ``tentative`` are what only the file says."""
+
+    settings: Settings
+    file: FileParameters | None
+    tentative: frozenset[str] = frozenset()
+
+
+def choose_settings(
+    options: ParameterOptions, base: dict[str, object], flags: dict[str, object] | None = None
+) -> Chosen:
+    """Settings of --params and --set over a command's own defaults: flag > --set > --params > default.
+
+    What there is to say about the file is said.
+    """
+    from mclcli.settings import profiles
+
+    profile, model = options.profile, options.model
+    given = profiles.spelled_out(options.settings) | profiles.spelled_out(flags or {})
+    if options.params is None:
+        values = {**base, **given}
+        return Chosen(profiles.build(values, profile=profile or "textbook", model=model or "likelihood_field"), None)
+    from mclcli.settings.robots.reading import load, settings_of
+
+    file = load(options.params, profile=profile, model=model)
+    settings = settings_of(file, given, base=base, profile=profile, model=model)
+    if not file.remarks:
+        console.detail(f"{file.name}: parameters in {file.dialect}'s own dialect")
+    for line in file.remarks:
+        console.remark(line)
+    for line in file.warnings:
+        console.warn(line)
+    return Chosen(settings, file, file.tentative - set(given))
+
+
+def names_in(survey: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) -> dict[str, str]:
+    """Topics and frames by parameter: those set, and those of the robot's file that the log has; the rest is empty.
+
+    ``overruled`` are parameters that an option of the command line replaces.
+    """
+    from mclcli.io.recording import topic_names
+
+    frames = chosen.settings.frames
+    named = {key: getattr(frames, key) for key in ("base_frame_id", "odom_frame_id", "scan_topic", "map_topic")}
+    for key, name in named.items():
+        if key in overruled:
+            named[key] = ""
+        elif chosen.file is not None and key in chosen.tentative:
+            named[key] = topic_names.find(survey, key, name, chosen.file.namespace)
+            if not named[key]:
+                console.remark(f"{chosen.file.name}: {key} '{name}' is not in the log; chosen as if not given")
+        elif name and key.endswith("topic"):
+            named[key] = f"/{name.lstrip('/')}"
+    return named

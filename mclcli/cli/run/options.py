@@ -1,0 +1,187 @@
+"""The options of ``mcl run``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, final, get_args
+
+import click
+
+from mclcli.cli import options
+from mclcli.cli.parse import parse_at
+from mclcli.errors import UsageError
+from mclcli.filter import Recovery
+from mclcli.quantity import parse_quantity
+
+if TYPE_CHECKING:
+    from mclcli.cli.clock import LogTime
+    from mclcli.cli.options import MapLimits, ParameterOptions, SensorOptions
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class TopicOptions:
+    """Topics that take part, and the landmarks that those of sightings need."""
+
+    scans: tuple[str, ...]
+    odom: str | None
+    vision: tuple[str, ...]
+    landmarks: Path | None
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class RunOptions:
+    """What ``mcl run`` is asked for; None and empty where an option is not given."""
+
+    logs: tuple[str, ...]
+    map_file: Path | None
+    traces: tuple[str, ...]
+    tracks: tuple[str, ...]
+    steps: str | None
+    picture: str | None
+    init: str | None
+    seed: int
+    particles: str | None
+    recovery: Recovery | None
+    follow_initialpose: bool
+    deskew: bool
+    scan_offset_ns: int
+    topics: TopicOptions
+    start: LogTime | None
+    duration_ns: int | None
+    strict: bool
+    truth: str | None
+    versus: str | None
+    parameters: ParameterOptions
+    sensors: SensorOptions
+    map_limits: MapLimits
+    threads: int
+
+    @property
+    def input_files(self) -> list[Path]:
+        """Files that are read, none of which may be written."""
+        named = (*self.logs, self.map_file, self.topics.landmarks, self.parameters.params, self.init, self.truth)
+        return [Path(name) for name in named if name and (name == "-" or Path(name).exists())]
+
+
+def parse_offset(ctx: click.Context, param: click.Parameter, value: str | None) -> int:
+    """Nanoseconds of --scan-offset."""
+    del ctx
+    return 0 if value is None else round(parse_quantity(value, "s", param.opts[0]) * 1e9)
+
+
+def parse_duration(ctx: click.Context, param: click.Parameter, value: str | None) -> int | None:
+    """Nanoseconds of --duration, greater than 0."""
+    from mclcli.cli.clock import parse_seconds
+
+    del ctx
+    if value is None:
+        return None
+    length = parse_seconds(value, param.opts[0])
+    if length <= 0:
+        raise UsageError(f"{param.opts[0]}: {value} is not greater than 0")
+    return length
+
+
+topic_options = options.together(
+    TopicOptions,
+    "topics",
+    click.option(
+        "--scan",
+        "scans",
+        multiple=True,
+        metavar="TOPIC",
+        help="Laser scan topic; the first one given triggers updates.",
+    ),
+    click.option("--odom", metavar="TOPIC|tf", help="Odometry topic, or tf."),
+    click.option("--vision", multiple=True, metavar="TOPIC", help="Topic of landmark sightings; needs --landmarks."),
+    click.option("--landmarks", type=click.Path(path_type=Path), help="Landmarks, CSV or YAML: id, x, y[, z]."),
+)
+
+run_options = options.all_of(
+    click.argument("logs", metavar="LOG...", nargs=-1, required=True),
+    click.option(
+        "--map", "map_file", type=click.Path(path_type=Path), help="Map, a map_server YAML; else the log's own."
+    ),
+    click.option(
+        "-o",
+        "--output",
+        "traces",
+        multiple=True,
+        metavar="TRACE",
+        help="Weight trace: .csv, .csv.gz, .mcap, or - for CSV on stdout; repeatable.",
+    ),
+    click.option(
+        "--track",
+        "tracks",
+        multiple=True,
+        metavar="FILE",
+        help="A pose per scan: .csv, .tum, or - for CSV on stdout; repeatable.",
+    ),
+    click.option("--steps", metavar="FILE", help="A row per update, CSV; - is stdout."),
+    click.option("--picture", metavar="F.png", help="Draw map, track, reference and final particles."),
+    click.option(
+        "--init",
+        metavar="WHERE",
+        help="X,Y,YAW[,SXY,SYAW], uniform over the free cells, global (where a search finds the scans), a TOPIC of the "
+        "log or FILE.tum.  [default: global]",
+    ),
+    click.option(
+        "--seed",
+        metavar="N",
+        type=click.IntRange(min=0, max=2**64 - 1),
+        default=0,
+        show_default=True,
+        help="Seed of every random stream.",
+    ),
+    click.option(
+        "--particles", metavar="N|MIN:MAX", help="Number of particles; between two numbers KLD sampling chooses."
+    ),
+    click.option(
+        "--recovery",
+        type=click.Choice(get_args(Recovery)),
+        help="Where particles are drawn anew when readings fit worse than they used to: nowhere, anywhere, or where a "
+        "search finds the readings.",
+    ),
+    click.option(
+        "--follow-initialpose",
+        is_flag=True,
+        help="Begin anew at every pose that the log's /initialpose states, as the robot did.",
+    ),
+    click.option(
+        "--deskew", is_flag=True, help="Score each beam of a scan from where the robot was at the beam's time."
+    ),
+    click.option(
+        "--scan-offset",
+        "scan_offset_ns",
+        callback=parse_offset,
+        metavar="S",
+        help="Seconds to add to the stamps of laser scans; may be negative.",
+    ),
+    topic_options,
+    click.option(
+        "--start",
+        metavar="TIME",
+        callback=parse_at,
+        help="First scan to use: seconds into the log, @SECONDS, 14:32:05 or ISO 8601.",
+    ),
+    click.option(
+        "--duration", "duration_ns", callback=parse_duration, metavar="S", help="How many seconds of the log to use."
+    ),
+    click.option("--strict", is_flag=True, help="Stop at the first damage in the log."),
+    click.option(
+        "--truth", metavar="FILE.tum|TOPIC", help="Reference for picture and report, as for mcl eval; never an input."
+    ),
+    click.option(
+        "--versus",
+        metavar="TOPIC|tf:FRAME",
+        help="What the robot itself believed, /amcl_pose or tf:map; says since when the two were apart.",
+    ),
+    options.parameters,
+    options.sensors,
+    options.map_limits,
+    options.threads,
+    options.common,
+)
