@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from mclcli.io.recording.diagnosis import Diagnosis
     from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import Roles
+    from mclcli.io.recording.sampling import SampledLog
     from mclcli.io.recording.survey import LogSurvey, TopicSurvey
 
 
@@ -29,32 +30,39 @@ class InfoOptions:
 
     logs: tuple[str, ...]
     as_json: bool
+    deep: bool
 
 
 @click.command("info", short_help="What a log holds, which topic plays which part, and how to run it.")
 @click.argument("logs", metavar="LOG...", nargs=-1, required=True)
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
+@click.option("--deep", is_flag=True, help="Read a log above 1 GiB whole, and verify every checksum in it.")
 @options.common
 @options.into(InfoOptions)
 def command(info: InfoOptions) -> ExitCode:
     """Show which topic plays which part and why, counts, rates, laser geometry, frames, and the `mcl run` line.
 
     It also says what is wrong: files not closed, damage, gaps, jumps of time, odd stamps, frames that do not connect.
+    Of indexed MCAP above 1 GiB it reads the index and a sample of the chunks.
     """
     from mclcli.io.logs import open_log
-    from mclcli.io.recording import roles
+    from mclcli.io.recording import roles, sampling
     from mclcli.io.recording.diagnosis import Diagnosis
     from mclcli.io.recording.recording import Recording
 
     stdin, diagnosis = sys.stdin.buffer if "-" in info.logs else None, Diagnosis()
-    recording = Recording(open_log(info.logs, stdin=stdin), whole=True, diagnosis=diagnosis)
+    log = open_log(info.logs, stdin=stdin)
+    sampled = None if info.deep else sampling.sample(log, diagnosis)
+    recording = sampled or Recording(log, whole=True, diagnosis=diagnosis)
     parts = roles.assign(recording.survey, roles.RequestedRoles())
     facts = describe(recording, diagnosis, parts, info.logs)
     click.echo(json.dumps(facts, indent=2) if info.as_json else "\n".join(_lines(facts)))
     return ExitCode.DAMAGED if recording.tally.lossy else ExitCode.COMPLETE
 
 
-def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tuple[str, ...]) -> dict[str, Any]:
+def describe(
+    recording: Recording | SampledLog, diagnosis: Diagnosis, parts: Roles, logs: tuple[str, ...]
+) -> dict[str, Any]:
     """Everything ``mcl info`` knows, as plain values."""
     span = recording.survey.span_ns
     lidars = [_lidar(recording, parts, topic) for topic in parts.scan]
@@ -85,7 +93,7 @@ def describe(recording: Recording, diagnosis: Diagnosis, parts: Roles, logs: tup
     }
 
 
-def _loose(recording: Recording, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:
+def _loose(recording: Recording | SampledLog, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:
     """Frames that do not connect, and lidars that are not on the base."""
     from mclcli.io.recording.diagnosis import loose_frames
 
@@ -128,7 +136,7 @@ def _topic(topic: TopicSurvey, parts: Roles, diagnosis: Diagnosis) -> dict[str, 
     }
 
 
-def _lidar(recording: Recording, parts: Roles, name: str) -> dict[str, Any]:
+def _lidar(recording: Recording | SampledLog, parts: Roles, name: str) -> dict[str, Any]:
     """Geometry of a lidar from its first scan, and where it sits."""
     import numpy as np
 

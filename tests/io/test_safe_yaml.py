@@ -2,10 +2,10 @@ from __future__ import annotations
 
 import math
 import random
-import re
 from typing import TYPE_CHECKING
 
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -14,7 +14,26 @@ from mclcli.io.tables import safe_yaml
 from mclcli.io.tables.yaml_text import to_yaml
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
+
+TOKENS = (
+    *("a", "ü", "1.5", "1e3", "007", "yes", "true", "~", ".inf", "0x1F", '"x"', "'y'", "k: ", "key: 1\n", "- ", "- - "),
+    *("[", "]", "{", "}", ", ", ",", "\n", "  ", "\n  ", "\r\n", "#c", "# c\n", "|\n  x\n", ">-\n  y\n", "? ", ": "),
+    *("&a ", "*a", "!!int ", "! ", "<<: ", "---\n", "...\n", "\n---\n", "%", "@", "\\", '"', "'"),
+)
+
+
+@pytest.fixture(autouse=True, scope="module", params=["libyaml", "pure"])
+def parser(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Everything below with libyaml, and as where PyYAML was built without it."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(yaml, "__with_libyaml__", request.param == "libyaml")
+        yield
+
+
+def test_this_pyyaml_has_libyaml() -> None:
+    assert hasattr(yaml, "CLoader")
 
 
 def _load(text: str, *, several: bool = False) -> safe_yaml.Value:
@@ -68,6 +87,11 @@ def test_nested_values_and_the_lines_they_stand_on() -> None:
         ("# nothing\n", "nothing but comments"),
         ("", "empty"),
         ("a: \x07\n", "not valid YAML"),
+        ("a: 1\nb: 2 # c\x85d: 3\n", "a line separator or byte order mark (U+0085, U+2028, U+2029, U+FEFF), line 2"),
+        ('a: "x\u2028y"\n', "line separator"),
+        ("a: 1\n# c\u2029b: 2\n", "line separator"),
+        ("a: 1\n\ufeffb: 2\n", "byte order mark"),
+        ("\ta: 1\n", "not valid YAML"),
         ('a: "\\UFFFFFFFF"\n', "not valid YAML"),
         ("version https://git-lfs.github.com/spec/v1\n", "Git LFS pointer"),
         ("\n<!DOCTYPE html><html>", "web page"),
@@ -168,36 +192,29 @@ def test_where_keys_may_stand_twice_the_last_counts_and_is_named() -> None:
     assert document.line("a", "x") == 3
 
 
-@given(
-    items=st.lists(
-        st.sampled_from(["1.0", "-2", ".inf", ".nan", "1e-05", "007", "true", "abc", "null", "-"]),
-        min_size=14,
-        max_size=20,
-    ),
-    before=st.sampled_from(["", "a: 1\n", 'a: "b\n', "a: |\n  b\n", "a:\n  b: 2\n"]),
-    shape=st.sampled_from(["lines", "indented", "flow", "flow on two lines"]),
-    after=st.sampled_from(
-        ["", "c: 3\n", "- d\n", "  - d\n", "---\ne: 4\n", "ranges: 5\n", ' f"\n', "# g\n", "\nc: 3\n"]
-    ),
-)
-def test_long_lists_are_read_as_short_ones_are(
-    monkeypatch: pytest.MonkeyPatch, items: list[str], before: str, shape: str, after: str
-) -> None:
-    lists = {
-        "lines": "\n" + "".join(f"- {item}\n" for item in items),
-        "indented": "\n" + "".join(f"  - {item}\n" for item in items),
-        "flow": f" [{', '.join(items)}]\n",
-        "flow on two lines": f" [{', '.join(items[:9])},\n  {', '.join(items[9:])}]\n",
-    }
-    text = f"{before}ranges:{lists[shape]}{after}"
+@given(st.lists(st.sampled_from(TOKENS), max_size=14).map("".join))
+def test_both_parsers_read_the_same(text: str) -> None:
+    """What PyYAML's own parser takes, libyaml takes too, and reads alike; only libyaml knows ``?`` within words."""
 
-    def result() -> tuple[str, object]:
-        try:
-            document = safe_yaml.parse(text.encode(), "scan.yaml", several=True)
-        except InputError as error:
-            return str(error), None
+    def result(*, libyaml: bool) -> object:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(yaml, "__with_libyaml__", libyaml)
+            try:
+                document = safe_yaml.parse(text.encode(), "m.yaml", several=True)
+            except InputError:
+                return None
         return repr((document.value, document.more)), document.lines
 
-    at_once = result()
-    monkeypatch.setattr(safe_yaml, "_LONG_LIST", re.compile("(?!)"))
-    assert at_once == result()
+    fast, slow = result(libyaml=True), result(libyaml=False)
+    assert fast == slow or (slow is None and "?" in text)
+
+
+@pytest.mark.parametrize("layout", ["- {}\n", "  - {}\n", "[{}]\n"])
+def test_a_long_list_is_read_number_by_number(layout: str) -> None:
+    numbers = ["1.0", "-2", ".inf", "-.inf", "1e-05", "007", "true", "abc", "null", "5.0", "0.1"] * 66
+    lines = layout.format(", ".join(numbers)) if "[" in layout else "".join(layout.format(word) for word in numbers)
+    document = safe_yaml.parse(
+        f"a: 1\nranges:\n{lines if '[' not in layout else '  ' + lines}b: 2\n".encode(), "m.yaml"
+    )
+    assert document.value == {"a": 1, "ranges": [safe_yaml.resolve(number) for number in numbers], "b": 2}
+    assert document.line("b") == (4 if "[" in layout else 3 + len(numbers))

@@ -272,6 +272,23 @@ def test_definitions_are_those_of_ros(name: str) -> None:
     assert sorted(ours[1:]) == sorted(theirs[1:])
 
 
+def test_types_are_described_in_the_order_in_which_they_are_needed() -> None:
+    first, *others = messages.definition("tf2_msgs/msg/TFMessage").split(_SEPARATOR)
+    assert first == "geometry_msgs/TransformStamped[] transforms"
+    assert [text.splitlines()[0] for text in others] == [
+        "MSG: geometry_msgs/TransformStamped",
+        "MSG: std_msgs/Header",
+        "MSG: geometry_msgs/Transform",
+        "MSG: builtin_interfaces/Time",
+        "MSG: geometry_msgs/Vector3",
+        "MSG: geometry_msgs/Quaternion",
+    ]
+    assert others[-1] == "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w\n"
+    assert "MSG: nav2_msgs/Particle\ngeometry_msgs/Pose pose\nfloat64 weight\n" in messages.definition(
+        "nav2_msgs/msg/ParticleCloud"
+    )
+
+
 def _chunks(data: bytes) -> list[list[tuple[int, int]]]:
     """(log time, size) of the messages in every whole chunk, up to where the file ends, complete or not."""
     chunks = []

@@ -72,6 +72,7 @@ class Diagnosis:
     """Takes every message of a log in, and says at the end what is odd about their times."""
 
     topics: dict[str, _Topic] = field(default_factory=dict)
+    indexed: dict[str, IntArray] = field(default_factory=dict)  # log times of all messages, where only some are seen
 
     def watch(self, messages: Iterable[RawMessage]) -> Iterator[RawMessage]:
         """The messages themselves, each taken in on the way."""
@@ -90,14 +91,20 @@ class Diagnosis:
             seconds, rest = topic.layout.unpack_from(data, topic.at)
             topic.stamped.append(seconds * SECOND + rest)
 
+    def count_all(self, name: str, times: IntArray) -> None:
+        """Take the log times of all messages of a topic from an index (N,); contents are known of those added."""
+        self.topics.setdefault(name, _Topic(None, 0))
+        self.indexed[name] = times
+
     def times(self, name: str) -> Times:
         """What the times of one topic say."""
         topic = self.topics[name]
         logged, stamped = np.array(topic.logged), np.array(topic.stamped)
+        seen, logged = logged, self.indexed.get(name, logged)
         steps = np.diff(logged)
         interval = float(np.median(steps)) / SECOND if steps.size else None
         long = (steps > SECOND) & (steps > GAP * SECOND * (interval or 0.0))
-        lags = (logged - stamped)[stamped != 0] if stamped.size == logged.size else np.array([], np.int64)
+        lags = (seen - stamped)[stamped != 0] if stamped.size == seen.size else np.array([], np.int64)
         lag = (float(np.median(lags)), float(lags.min()), float(lags.max())) if lags.size else None
         return Times(
             interval,
@@ -111,7 +118,9 @@ class Diagnosis:
     def problems(self, origin_ns: int) -> list[str]:
         """One line for each thing that is odd, times in seconds after ``origin_ns``."""
         return [
-            f"{clean(name)}: {what}" for name in sorted(self.topics) for what in _oddities(self.times(name), origin_ns)
+            f"{clean(name)}: {what}"
+            for name in sorted(self.topics)
+            for what in _oddities(self.times(name), origin_ns, " of the messages read" if name in self.indexed else "")
         ]
 
 
@@ -149,20 +158,20 @@ def _jumps(stamps: IntArray) -> tuple[Event, ...]:
     return _events(stamps, steps, steps < -SECOND)
 
 
-def _oddities(times: Times, origin_ns: int) -> Iterator[str]:
-    """What is odd about one topic."""
+def _oddities(times: Times, origin_ns: int, seen: str) -> Iterator[str]:
+    """What is odd about one topic; ``seen`` qualifies what is known of some messages only."""
     yield from _told("gap of", "more gaps over 1 s", times.gaps, origin_ns)
     yield from _told("log time jumps back by", "more such jumps", times.jumps, origin_ns)
     if not times.jumps:
-        yield from _told("stamps jump back by", "more such jumps", times.stamp_jumps, origin_ns)
+        yield from _told(f"stamps{seen} jump back by", "more such jumps", times.stamp_jumps, origin_ns)
     if times.zero_stamps:
-        yield f"{times.zero_stamps} messages are not stamped (0)"
+        yield f"{times.zero_stamps}{seen or ' messages'} are not stamped (0)"
     if times.lag is not None:
         middle, least, greatest = times.lag
         if abs(middle) > 1.0:
-            yield f"stamps are {abs(middle):.1f} s {'before' if middle > 0 else 'after'} log time (median)"
+            yield f"stamps{seen} are {abs(middle):.1f} s {'before' if middle > 0 else 'after'} log time (median)"
         elif greatest - least > 1.0:
-            yield f"stamps are between {-greatest:+.1f} s and {-least:+.1f} s of log time"
+            yield f"stamps{seen} are between {-greatest:+.1f} s and {-least:+.1f} s of log time"
 
 
 def _told(what: str, more: str, events: tuple[Event, ...], origin_ns: int) -> Iterator[str]:

@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
+import numpy as np
+
 from mclcli.geometry.frames import TransformTree
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
+    from mclcli.arrays import IntArray
     from mclcli.io.logs.base import Channel, RawMessage
     from mclcli.records import Transform
 
@@ -46,6 +49,12 @@ class TopicSurvey:
         self.longest_gap_ns = max(self.longest_gap_ns, log_time_ns - self.last_ns)
         self.first_ns, self.last_ns = min(self.first_ns, log_time_ns), max(self.last_ns, log_time_ns)
         self.count += 1
+
+    def count_all(self, times: IntArray) -> None:
+        """Take the log times of all messages from an index (N,), in place of those counted so far."""
+        latest = np.maximum.accumulate(times)
+        self.count, self.first_ns, self.last_ns = times.size, int(times.min()), int(latest[-1])
+        self.longest_gap_ns = int(np.max(times[1:] - latest[:-1], initial=0))
 
 
 @final

@@ -24,15 +24,7 @@ Path_ = tuple[str | int, ...]
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,18})")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
 _DIRECTIVE = re.compile("^%", re.MULTILINE)  # changes what the rest means, or trips the parser
-_ITEM = r"[-+]?\.?[0-9A-Za-z.]{1,40}(?:[eE][-+]?[0-9]{1,5})?"
-_LONG_LIST = re.compile(
-    rf"^(?P<key>[A-Za-z_]\w*):(?:"
-    rf"[ ]*\n(?P<block>(?P<indent>[ ]*)-[ ]+{_ITEM}[ ]*\n(?:(?P=indent)-[ ]+{_ITEM}[ ]*\n){{15,}})(?=[A-Za-z_]|---|\Z)"
-    rf"|[ ]+\[(?P<flow>[ ]*{_ITEM}(?:[ ]*,[ ]*(?:\n[ ]+)?{_ITEM}){{15,}}[ ]*)\][ ]*\n(?=[A-Za-z_]|---|\Z))",
-    re.MULTILINE,
-)
-"""A key at the top level with at least 16 plain scalars, one a line or between brackets."""
-_MARK = "__long_list_"
+_DISPUTED = re.compile("[\x85\u2028\u2029\ufeff]")  # end lines and comments, or vanish, in YAML 1.1 and not in 1.2
 _WORDS: dict[str, Value] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
     **dict.fromkeys(("true", "True", "TRUE"), True),
@@ -102,17 +94,15 @@ def parse(data: bytes, name: str, limits: Limits = MAP_LIMITS, *, several: bool 
         raise InputError(f"{name}: is longer than {limits.size} bytes, the most that is read; check the file")
     refuse_stand_ins(data, name)
     text = decode(data, name)
-    if directive := _DIRECTIVE.search(text):
-        line = text.count("\n", 0, directive.start()) + 1
-        raise InputError(f"{name}: a directive (%), line {line}; write it without")
-    short, lists = _without_long_lists(text)
-    builder = _Builder(_events(short, name), name, limits, {}, set())
+    for pattern, what in (
+        (_DIRECTIVE, "a directive (%)"),
+        (_DISPUTED, "a line separator or byte order mark (U+0085, U+2028, U+2029, U+FEFF)"),
+    ):
+        if found := pattern.search(text):
+            line = text.count("\n", 0, found.start()) + 1
+            raise InputError(f"{name}: {what}, line {line}; write it without")
+    builder = _Builder(_events(text, name), name, limits, {}, set())
     value = builder.document()
-    if lists and isinstance(value, dict):
-        value = {key: lists.pop(item, item) if isinstance(item, str) else item for key, item in value.items()}
-    if lists:  # a mark within something else: read it as it stands
-        builder = _Builder(_events(text, name), name, limits, {}, set())
-        value = builder.document()
     try:
         more = builder.goes_on()
     except InputError:
@@ -122,24 +112,6 @@ def parse(data: bytes, name: str, limits: Limits = MAP_LIMITS, *, several: bool 
     if more and not several:
         raise InputError(f"{name}: holds more than one document (---); keep one")
     return Document(value, name, builder.lines, more, frozenset(builder.repeated))
-
-
-def _without_long_lists(text: str) -> tuple[str, dict[str, Value]]:
-    """The text with a mark in the place of every long list of plain scalars at its top level, and the lists by mark.
-
-    A scan is hundreds of numbers, and the parser takes half a millisecond for each. Lines keep their numbers.
-    """
-    lists: dict[str, Value] = {}
-    if _MARK in text:
-        return text, lists
-
-    def taken(match: re.Match[str]) -> str:
-        mark = f"{_MARK}{len(lists)}"
-        items = re.split(r"\s*,\s*", match["flow"].strip()) if match["flow"] else re.findall(_ITEM, match["block"])
-        lists[mark] = [resolve(item) for item in items]
-        return f"{match['key']}: {mark}" + "\n" * match[0].count("\n")
-
-    return _LONG_LIST.sub(taken, text), lists
 
 
 def resolve(text: str) -> Value:
@@ -181,10 +153,10 @@ class _Builder:
                 return True
         return step[0] != "StreamEnd"
 
-    def _value(self, kind: str, event: Any, path: Path_) -> Value:  # noqa: ANN401 - ruamel's events are untyped
+    def _value(self, kind: str, event: Any, path: Path_) -> Value:  # noqa: ANN401 - events of every kind
         self._check(kind, event, path)
         if kind == "Scalar":
-            return resolve(event.value) if event.style is None else str(event.value)
+            return str(event.value) if event.style else resolve(event.value)
         return self._mapping(path) if kind == "MappingStart" else self._sequence(path)
 
     def _sequence(self, path: Path_) -> list[Value]:
@@ -208,16 +180,16 @@ class _Builder:
             pairs[key] = self._value(*next(self.events), (*path, key))
         return pairs
 
-    def _key(self, kind: str, event: Any, path: Path_) -> str:  # noqa: ANN401 - ruamel's events are untyped
+    def _key(self, kind: str, event: Any, path: Path_) -> str:  # noqa: ANN401 - events of every kind
         self._check(kind, event, path)
         line = event.start_mark.line + 1
         if kind != "Scalar":
             self._refuse("a key that is not plain text", line)
-        if event.value == "<<" and event.style is None:
+        if event.value == "<<" and not event.style:
             self._refuse("a merge (<<)", line)
         return str(event.value)
 
-    def _check(self, kind: str, event: Any, path: Path_) -> None:  # noqa: ANN401 - ruamel's events are untyped
+    def _check(self, kind: str, event: Any, path: Path_) -> None:  # noqa: ANN401 - events of every kind
         line = event.start_mark.line + 1
         if kind == "Alias" or event.anchor is not None:
             self._refuse("an anchor or alias (& or *)", line)
@@ -231,19 +203,21 @@ class _Builder:
 
 
 def _events(text: str, name: str) -> Iterator[tuple[str, Any]]:
-    """The parser's events with the names of their kinds; its errors become InputError."""
-    from ruamel.yaml import YAML
-    from ruamel.yaml.error import YAMLError
+    """The parser's events with the names of their kinds; its errors become InputError.
+
+    libyaml's parser where PyYAML was built with it, else PyYAML's own, which takes ten times as long.
+    """
+    import yaml
 
     try:
-        for event in YAML(typ="safe", pure=True).parse(text):
+        for event in yaml.parse(text, Loader=yaml.CLoader if yaml.__with_libyaml__ else yaml.SafeLoader):
             yield type(event).__name__.removesuffix("Event"), event
-    except (YAMLError, ValueError, OverflowError) as error:  # ValueError, OverflowError: impossible \U escapes
+    except (yaml.YAMLError, ValueError, OverflowError) as error:  # ValueError, OverflowError: impossible \U escapes
         raise InputError(f"{name}: not valid YAML: {_describe(error)}; correct it") from None
 
 
 def _describe(error: Exception) -> str:
-    """What ruamel.yaml found, in one line."""
+    """What the parser found, in one line."""
     what = getattr(error, "problem", None) or str(error).split("\n", maxsplit=1)[0]
     mark = getattr(error, "problem_mark", None)
     return clean(str(what), 100) + (f", line {mark.line + 1}" if mark is not None else "")

@@ -1,7 +1,8 @@
 """Writing MCAP: chunks compressed with zstd and checksummed, then indexes and a summary.
 
-Source: MCAP format specification, https://mcap.dev/spec (version 0). Records, their order and their bytes are those of
-the library ``mcap``, but for how hard a chunk is compressed.
+Records are written by the library ``mcap``, all but messages: those go into their chunk without a copy, and chunks are
+compressed as hard as their writer says.
+Source: MCAP format specification, https://mcap.dev/spec (version 0).
 """
 
 from __future__ import annotations
@@ -11,16 +12,21 @@ import zlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol, final
 
-from mclcli.io.logs import mcap_records as rec
+from mcap import records as rec
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+
+from mclcli.io.logs.mcap_records import MAGIC
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Mapping
 
     from mclcli.io.traces.sinks import BinarySink
 
-_HEADER, _CHUNK_INDEX, _SUMMARY_OFFSET = 1, 8, 14
-_ATTACHMENT, _ATTACHMENT_INDEX = 9, 10
-_METADATA, _METADATA_INDEX = 12, 13
+_SUMMARY = (
+    *(Opcode.SCHEMA, Opcode.CHANNEL, Opcode.STATISTICS),
+    *(Opcode.CHUNK_INDEX, Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX),
+)  # kinds of records there, in order
 _MESSAGE_START = struct.Struct("<BQHIQQ")
 
 
@@ -81,60 +87,41 @@ class McapWriter:
     Channels and schemas stand in the chunk in which they are registered, and in the summary.
     """
 
-    __slots__ = (
-        "_at",
-        "_attachments",
-        "_channels",
-        "_chunk",
-        "_compressor",
-        "_counts",
-        "_indexes",
-        "_metadata",
-        "_schemas",
-        "_sink",
-        "_span",
-    )
+    __slots__ = ("_at", "_chunk", "_compressor", "_counts", "_sink", "_span", "_summary")
 
     def __init__(self, sink: BinarySink, compressor: Compressor, *, profile: str, library: str) -> None:
         self._sink, self._at, self._compressor = sink, 0, compressor
         self._chunk = _Chunk()
-        self._schemas: list[bytes] = []
-        self._channels: list[bytes] = []
-        self._indexes: list[bytes] = []
-        self._attachments: list[bytes] = []
-        self._metadata: list[bytes] = []
+        self._summary: dict[Opcode, list[rec.McapRecord]] = {kind: [] for kind in _SUMMARY}
         self._counts: dict[int, int] = {}
         self._span: tuple[int, int] | None = None
-        self._write(rec.MAGIC, _record(_HEADER, _text(profile), _text(library)))
+        self._write(MAGIC, _encoded(rec.Header(profile, library)))
 
     def add_metadata(self, name: str, pairs: Mapping[str, str]) -> None:
         """Write pairs of texts under a name."""
-        record, at = _record(_METADATA, _text(name), _map(pairs)), self._at
+        record, at = _encoded(rec.Metadata(name, dict(pairs))), self._at
         self._write(record)
-        self._metadata.append(_record(_METADATA_INDEX, struct.pack("<QQ", at, len(record)), _text(name)))
+        self._summary[Opcode.METADATA_INDEX].append(rec.MetadataIndex(at, len(record), name))
 
     def attach(self, name: str, media_type: str, data: bytes, *, log_ns: int = 0, created_ns: int = 0) -> None:
         """Write a file within the file; times [ns], 0 for none."""
-        described = _text(name) + _text(media_type)
-        body = struct.pack("<qq", log_ns, created_ns) + described + struct.pack("<Q", len(data)) + data
-        record, at = _record(_ATTACHMENT, body, struct.pack("<I", zlib.crc32(body))), self._at
+        logged, created = log_ns % (1 << 64), created_ns % (1 << 64)  # read as signed, see ``mcap_records``
+        record, at = _encoded(rec.Attachment(created, logged, name, media_type, data)), self._at
         self._write(record)
-        head = struct.pack("<QQqqQ", at, len(record), log_ns, created_ns, len(data))
-        self._attachments.append(_record(_ATTACHMENT_INDEX, head, described))
+        self._summary[Opcode.ATTACHMENT_INDEX].append(
+            rec.AttachmentIndex(at, len(record), logged, created, len(data), name, media_type)
+        )
 
     def register_schema(self, name: str, form: str, data: bytes) -> int:
         """Number of a new schema."""
-        number = len(self._schemas) + 1
-        self._schemas.append(_record(rec.SCHEMA, struct.pack("<H", number), _text(name), _text(form), _bytes(data)))
-        self._chunk.put(self._schemas[-1])
+        number = len(self._summary[Opcode.SCHEMA]) + 1
+        self._register(Opcode.SCHEMA, rec.Schema(number, data, form, name))
         return number
 
     def register_channel(self, topic: str, encoding: str, schema: int, metadata: Mapping[str, str]) -> int:
         """Number of a new channel; schema 0 is none."""
-        number = len(self._channels) + 1
-        head = struct.pack("<HH", number, schema)
-        self._channels.append(_record(rec.CHANNEL, head, _text(topic), _text(encoding), _map(metadata)))
-        self._chunk.put(self._channels[-1])
+        number = len(self._summary[Opcode.CHANNEL]) + 1
+        self._register(Opcode.CHANNEL, rec.Channel(number, topic, encoding, dict(metadata), schema))
         return number
 
     def add_message(
@@ -145,7 +132,7 @@ class McapWriter:
         self._counts[channel] = count + 1
         sequence = count if sequence is None else sequence
         self._chunk.index.setdefault(channel, []).append((log_time_ns, self._chunk.size))
-        head = _MESSAGE_START.pack(rec.MESSAGE, 22 + len(data), channel, sequence, log_time_ns, publish_ns)
+        head = _MESSAGE_START.pack(Opcode.MESSAGE, 22 + len(data), channel, sequence, log_time_ns, publish_ns)
         self._chunk.put(head, data)
 
     def end_chunk(self) -> None:
@@ -158,17 +145,26 @@ class McapWriter:
     def finish(self) -> None:
         """Write what is pending, and the summary. The sink stays open."""
         self.end_chunk()
-        self._write(_record(rec.DATA_END, bytes(4)))
-        start, summary, offsets = self._at, bytearray(), []
-        for kind, records in self._summary():
-            at = len(summary)
-            summary += b"".join(records)
-            offsets.append(_record(_SUMMARY_OFFSET, struct.pack("<BQQ", kind, start + at, len(summary) - at)))
-        foot = struct.pack("<BQQQ", rec.FOOTER, 20, start, start + len(summary))
-        summary += b"".join(offsets)
-        crc = zlib.crc32(foot, zlib.crc32(summary))
-        self._write(bytes(summary), foot, struct.pack("<I", crc), rec.MAGIC)
+        self._write(_encoded(rec.DataEnd(0)))
+        start, summary = self._at, RecordBuilder()
+        offsets: list[rec.SummaryOffset] = []
+        self._summary[Opcode.STATISTICS] = [self._statistics()]
+        for kind, group in self._summary.items():
+            begin = summary.count
+            for record in group:
+                record.write(summary)
+            offsets.append(rec.SummaryOffset(kind, start + begin, summary.count - begin))
+        offset_start = start + summary.count
+        for offset in (*offsets, rec.Footer(start, offset_start, 0)):
+            offset.write(summary)
+        plain: bytes = summary.end()[:-4]  # type: ignore[no-untyped-call]  # all but the checksum, which covers it
+        self._write(plain, struct.pack("<I", zlib.crc32(plain)), MAGIC)
         self._sink.flush()
+
+    def _register(self, kind: Opcode, record: rec.McapRecord) -> None:
+        """Put a description into the chunk, and into the summary."""
+        self._summary[kind].append(record)
+        self._chunk.put(_encoded(record))
 
     def _write(self, *parts: bytes) -> None:
         for part in parts:
@@ -181,56 +177,43 @@ class McapWriter:
         times = [entry[0] for entries in chunk.index.values() for entry in entries]
         first, last = min(times), max(times)
         self._span = (first, last) if self._span is None else (min(first, self._span[0]), max(last, self._span[1]))
-        head = rec.CHUNK_HEAD.pack(first, last, len(plain), zlib.crc32(plain)) + _text("zstd")
-        begin = self._at
-        self._write(_start(rec.CHUNK, len(head) + 8 + len(packed)) + head + struct.pack("<Q", len(packed)), packed)
-        end, offsets = self._at, []
+        begin, offsets = self._at, dict[int, int]()
+        self._write(_encoded(rec.Chunk("zstd", packed, last, first, zlib.crc32(plain), len(plain))))
+        end = self._at
         for channel, entries in chunk.index.items():
-            offsets.append(struct.pack("<HQ", channel, self._at))
-            self._write(_message_index(channel, entries))
-        about = struct.pack("<QQQQ", first, last, begin, end - begin) + _bytes(b"".join(offsets))
-        sizes = struct.pack("<QQ", len(packed), len(plain))
-        self._indexes.append(_record(_CHUNK_INDEX, about, struct.pack("<Q", self._at - end), _text("zstd"), sizes))
+            offsets[channel] = self._at
+            self._write(_encoded(rec.MessageIndex(channel, entries)))
+        self._summary[Opcode.CHUNK_INDEX].append(
+            rec.ChunkIndex(
+                chunk_length=end - begin,
+                chunk_start_offset=begin,
+                compression="zstd",
+                compressed_size=len(packed),
+                message_end_time=last,
+                message_index_length=self._at - end,
+                message_index_offsets=offsets,
+                message_start_time=first,
+                uncompressed_size=len(plain),
+            )
+        )
 
-    def _summary(self) -> list[tuple[int, list[bytes]]]:
-        """Groups of the summary: a kind of record, and all of them."""
-        return [
-            (rec.SCHEMA, self._schemas),
-            (rec.CHANNEL, self._channels),
-            (rec.STATISTICS, [self._statistics()]),
-            (_CHUNK_INDEX, self._indexes),
-            (_ATTACHMENT_INDEX, self._attachments),
-            (_METADATA_INDEX, self._metadata),
-        ]
-
-    def _statistics(self) -> bytes:
-        counts = b"".join(struct.pack("<HQ", *item) for item in self._counts.items())
-        parts = (self._schemas, self._channels, self._attachments, self._metadata, self._indexes)
-        numbers = struct.pack("<QHIIII", sum(self._counts.values()), *map(len, parts))
-        return _record(rec.STATISTICS, numbers, struct.pack("<QQ", *(self._span or (0, 0))), _bytes(counts))
-
-
-def _start(kind: int, length: int) -> bytes:
-    return rec.RECORD.pack(kind, length)
-
-
-def _record(kind: int, *parts: bytes) -> bytes:
-    body = b"".join(parts)
-    return _start(kind, len(body)) + body
-
-
-def _bytes(data: bytes) -> bytes:
-    return struct.pack("<I", len(data)) + data
+    def _statistics(self) -> rec.Statistics:
+        count = {kind: len(group) for kind, group in self._summary.items()}
+        first, last = self._span or (0, 0)
+        return rec.Statistics(
+            attachment_count=count[Opcode.ATTACHMENT_INDEX],
+            channel_count=count[Opcode.CHANNEL],
+            channel_message_counts=self._counts,
+            chunk_count=count[Opcode.CHUNK_INDEX],
+            message_count=sum(self._counts.values()),
+            message_end_time=last,
+            message_start_time=first,
+            metadata_count=count[Opcode.METADATA_INDEX],
+            schema_count=count[Opcode.SCHEMA],
+        )
 
 
-def _text(text: str) -> bytes:
-    return _bytes(text.encode())
-
-
-def _map(pairs: Mapping[str, str]) -> bytes:
-    return _bytes(b"".join(_text(key) + _text(value) for key, value in pairs.items()))
-
-
-def _message_index(channel: int, entries: Iterable[tuple[int, int]]) -> bytes:
-    listed = b"".join(struct.pack("<QQ", *entry) for entry in entries)
-    return _record(rec.MESSAGE_INDEX, struct.pack("<H", channel), _bytes(listed))
+def _encoded(record: rec.McapRecord) -> bytes:
+    builder = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())  # type: ignore[no-untyped-call]

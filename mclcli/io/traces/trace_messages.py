@@ -1,7 +1,4 @@
-"""The ROS 2 messages of a trace: their definitions, and how our records become their bytes.
-
-Definitions follow common_interfaces, tf2_msgs and nav2_msgs (fields only, comments left out); mcl_msgs is our own.
-"""
+"""The ROS 2 messages of a trace: their definitions, and how our records become their bytes."""
 
 from __future__ import annotations
 
@@ -13,6 +10,7 @@ import numpy as np
 
 from mclcli.errors import InputError
 from mclcli.geometry.trigonometry import cos_sin
+from mclcli.io.logs.base import Channel
 from mclcli.io.traces.cdr import CdrWriter
 from mclcli.io.traces.sinks import NANOSECONDS, stamp_text
 from mclcli.native.backend import NUMPY, Backend
@@ -25,40 +23,8 @@ if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
     from mclcli.records import Estimate, LaserScan, StepRecord, Transform
 
-_FIELDS = {
-    "builtin_interfaces/Time": "int32 sec\nuint32 nanosec",
-    "std_msgs/Header": "builtin_interfaces/Time stamp\nstring frame_id",
-    "geometry_msgs/Point": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Vector3": "float64 x\nfloat64 y\nfloat64 z",
-    "geometry_msgs/Quaternion": "float64 x\nfloat64 y\nfloat64 z\nfloat64 w",
-    "geometry_msgs/Pose": "geometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
-    "geometry_msgs/PoseArray": "std_msgs/Header header\ngeometry_msgs/Pose[] poses",
-    "geometry_msgs/PoseStamped": "std_msgs/Header header\ngeometry_msgs/Pose pose",
-    "geometry_msgs/PoseWithCovariance": "geometry_msgs/Pose pose\nfloat64[36] covariance",
-    "geometry_msgs/PoseWithCovarianceStamped": "std_msgs/Header header\ngeometry_msgs/PoseWithCovariance pose",
-    "geometry_msgs/Transform": "geometry_msgs/Vector3 translation\ngeometry_msgs/Quaternion rotation",
-    "geometry_msgs/TransformStamped": (
-        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/Transform transform"
-    ),
-    "tf2_msgs/TFMessage": "geometry_msgs/TransformStamped[] transforms",
-    "nav_msgs/MapMetaData": (
-        "builtin_interfaces/Time map_load_time\nfloat32 resolution\nuint32 width\nuint32 height\n"
-        "geometry_msgs/Pose origin"
-    ),
-    "nav_msgs/OccupancyGrid": "std_msgs/Header header\nnav_msgs/MapMetaData info\nint8[] data",
-    "sensor_msgs/LaserScan": (
-        "std_msgs/Header header\nfloat32 angle_min\nfloat32 angle_max\nfloat32 angle_increment\n"
-        "float32 time_increment\nfloat32 scan_time\nfloat32 range_min\nfloat32 range_max\n"
-        "float32[] ranges\nfloat32[] intensities"
-    ),
-    "nav2_msgs/Particle": "geometry_msgs/Pose pose\nfloat64 weight",
-    "nav2_msgs/ParticleCloud": "std_msgs/Header header\nnav2_msgs/Particle[] particles",
-    "mcl_msgs/Step": (
-        "std_msgs/Header header\nuint32 step\nuint32 n\nfloat64 ess\nfloat64 log_evidence\nbool resampled\n"
-        "bool degenerate\nuint32 beams_used\nstring[] sensors\nfloat64[] alphas\nfloat32[] log_likelihoods"
-    ),
-}
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 × 6 covariance
+_SEPARATOR = "=" * 80 + "\n"
 _NESTED = re.compile(r"^(\w+/\w+)(?:\[\d*\])? ", re.MULTILINE)
 
 ROUNDING = "particles: x, y to 2^-20 m, quaternions to 2^-24; log_likelihoods to 2^-20, then float32; all else exact"
@@ -90,14 +56,18 @@ class Grid(Protocol):
 def definition(name: str) -> str:
     """Full text of a message type such as ``tf2_msgs/msg/TFMessage``, every type that it needs below it.
 
+    Fields are those of ROS 2 Humble, without comments; types stand in the order in which they are first needed.
     Format: MCAP specification, registry, schema encoding ``ros2msg``.
     """
+    from mclcli.io.messages.definitions import definition_of
+
     root = name.replace("/msg/", "/")
+    sections = f"MSG: {root}\n{definition_of(Channel('', name, 'cdr'))}".split(_SEPARATOR)
+    texts = dict(section.removeprefix("MSG: ").split("\n", maxsplit=1) for section in sections)
     needed = [root]
     for known in needed:  # grows while it is read
-        needed += [found for found in _NESTED.findall(_FIELDS[known]) if found not in needed]
-    parts = [_FIELDS[root], *(f"MSG: {other}\n{_FIELDS[other]}" for other in needed[1:])]
-    return f"\n{'=' * 80}\n".join(parts) + "\n"
+        needed += [found for found in _NESTED.findall(texts[known]) if found not in needed]
+    return texts[root] + "".join(f"{_SEPARATOR}MSG: {other}\n{texts[other]}" for other in needed[1:])
 
 
 def planar_poses(poses: FloatArray) -> FloatArray:
