@@ -24,11 +24,12 @@ Path_ = tuple[str | int, ...]
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,18})")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
 _DIRECTIVE = re.compile("^%", re.MULTILINE)  # changes what the rest means, or trips the parser
-_ITEM = r"[-+]?\.?[0-9A-Za-z.]{1,40}(?:[eE][-+]?[0-9]{1,5})?"
+# Possessive throughout (``++``): a list that is none in the end must not be split in every other way as well.
+_ITEM = r"[-+]?+[0-9A-Za-z.]{1,40}+(?:(?<=[eE])[-+][0-9]{1,5})?+"
 _LONG_LIST = re.compile(
     rf"^(?P<key>[A-Za-z_]\w*):(?:"
-    rf"[ ]*\n(?P<block>(?P<indent>[ ]*)-[ ]+{_ITEM}[ ]*\n(?:(?P=indent)-[ ]+{_ITEM}[ ]*\n){{15,}})(?=[A-Za-z_]|---|\Z)"
-    rf"|[ ]+\[(?P<flow>[ ]*{_ITEM}(?:[ ]*,[ ]*(?:\n[ ]+)?{_ITEM}){{15,}}[ ]*)\][ ]*\n(?=[A-Za-z_]|---|\Z))",
+    rf"[ ]*\n(?P<block>(?P<indent>[ ]*)-[ ]+{_ITEM}[ ]*\n(?:(?P=indent)-[ ]+{_ITEM}[ ]*\n){{15,}}+)(?=[A-Za-z_]|---|\Z)"
+    rf"|[ ]+\[(?P<flow>[ ]*{_ITEM}(?:[ ]*,[ ]*(?:\n[ ]+)?{_ITEM}){{15,}}+[ ]*)\][ ]*\n(?=[A-Za-z_]|---|\Z))",
     re.MULTILINE,
 )
 """A key at the top level with at least 16 plain scalars, one a line or between brackets."""
