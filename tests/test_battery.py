@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from mclcli.io.logs.base import Tally
+from tests import processes
 from tests.battery import bases, damaged, harness, outcome, writing
 from tests.battery.__main__ import QUICK, main
 from tests.battery.classes import CLASSES
@@ -107,7 +108,7 @@ def _raise(_: Path) -> Verdict:
 
 def test_crashes_hangs_and_gigabytes_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(harness, "PATIENCE_S", 4.0)
-    monkeypatch.setattr(harness, "ASLEEP", 20)
+    monkeypatch.setattr(processes, "ASLEEP", 20)
     made = [Case("fine", lambda _: FINE), Case("dies", _die), Case("sleeps", _sleep), Case("fills", _fill)]
     made.append(Case("spins", _spin))
     total = harness.run_cases([*made, Case("raises", _raise), Case("fine again", lambda _: FINE)])

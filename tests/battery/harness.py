@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
-from tests.battery import processes
+from tests import processes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -27,12 +27,6 @@ PROMISED_S = 10.0
 """Most processor time that a case may take."""
 PATIENCE_S = 3 * PROMISED_S
 """Processor time after which a worker is ended. However busy the machine is, a case takes the same."""
-ASLEEP = 600
-"""Looks in a row at which all processes of a worker sleep and none took processor time, after which it is ended.
-
-One that waits for the processor does not sleep.
-"""
-LOOK_S = 0.1
 PROMISED_MIB = 512.0
 """Most memory above what the worker had before the case."""
 CEILING_MIB = 8 * PROMISED_MIB
@@ -136,17 +130,11 @@ class _Worker:
     def _wait(self, pipe: Connection) -> str:
         """Wait for an answer, or until the worker hangs: in what way, else ''."""
         group = self._process.pid if self._process and self._process.pid else 0
-        before, asleep = processes.usage(group), 0
-        last = before
-        while not pipe.poll(LOOK_S):
-            now = processes.usage(group)
-            if now.seconds - before.seconds > PATIENCE_S:
-                return f"no end after {now.seconds - before.seconds:.0f} s of processor time"
-            asleep = asleep + 1 if now.asleep and now.seconds == last.seconds else 0
-            if asleep >= ASLEEP:
-                return "waits for what never comes"
-            last = now
-        return ""
+        watch = processes.Watch(lambda: processes.usage_of_group(group), PATIENCE_S)
+        why = ""
+        while not why and not pipe.poll(processes.LOOK_S):
+            why = watch.look()
+        return why
 
     def stop(self) -> int | None:
         """End the worker; how it ended."""

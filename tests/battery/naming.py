@@ -68,6 +68,7 @@ NAMES = (
 )
 
 
+_FORMULA = ("", "=")
 MADE_UP = 12
 """Names of a seed's own."""
 _KINDS = (
@@ -82,7 +83,7 @@ def cases(seed: int, share: float) -> list[Case]:
     """Every name, and some made up, in the table, the messages, the CSV files and the MCAP files."""
     rng = seeded(f"{seed} names")
     names = list(NAMES) if share == 1.0 else rng.sample(NAMES, max(4, round(share * len(NAMES))))
-    names += [_made_up(rng) for _ in range(max(2, round(MADE_UP * share)))]
+    names += [_FORMULA[n % 2] + _made_up(rng) for n in range(max(2, round(MADE_UP * share)))]
     checks = {"table": table, "messages": messages, "CSV": tables, "MCAP": mcaps}
     return [Case(f"{place}: {name[:30]!a}", partial(check, name)) for name in names for place, check in checks.items()]
 

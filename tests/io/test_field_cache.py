@@ -16,6 +16,7 @@ from mclcli import cache
 from mclcli.io.maps.field_cache import cached_field, field_path
 from mclcli.world import distance_field
 from mclcli.world.distance_field import METHODS, DistanceField, Method
+from tests import processes
 from tests.worlds import drawn
 
 GRID = drawn("#.......\n........\n...#....\n........", 0.25, (1.0, 2.0, 0.3))
@@ -236,6 +237,6 @@ def test_processes_at_once_never_read_half_a_file() -> None:
     root = Path(__file__).resolve().parents[2]
     commands = [[sys.executable, "-W", "error", "-c", _WORKER, role] for role in ("remove", "keep")]
     workers = [subprocess.Popen(c, cwd=root, stderr=subprocess.PIPE, text=True) for c in commands]
-    said = [worker.communicate(timeout=60)[1] for worker in workers]
+    said = [processes.finish(worker)[1] for worker in workers]
     assert [worker.returncode for worker in workers] == [0, 0], said
     assert not list(path.parent.glob(".field-*"))
