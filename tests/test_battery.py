@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+from collections import Counter
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,7 @@ import pytest
 
 from mclcli.io.logs.base import Tally
 from tests import processes
-from tests.battery import bases, damaged, harness, outcome, writing
+from tests.battery import bases, damaged, harness, intact, outcome, writing
 from tests.battery.__main__ import QUICK, main
 from tests.battery.classes import CLASSES
 from tests.battery.damages import COUNTS
@@ -72,6 +73,7 @@ def test_the_classes_are_as_large_as_promised() -> None:
         "bombs": 16,
         "maps": 92,
         "scans and frames": 60,
+        "edited logs": 270,
         "cache": 1300,
         "hostile names": 200,
     }
@@ -131,6 +133,17 @@ def test_losses_and_alterations_are_noticed() -> None:
         for found in (whole, whole[1:], [*changed, *whole[1:]], [*whole, whole[0]])
     ]
     assert kinds == [[], [LOSS], [ALTERATION], [ALTERATION]]
+
+
+def test_intact_chunks_are_asked_for() -> None:
+    for base in bases.base_logs()[:3]:
+        chunk = intact.parts_of(base.name).chunks[3]
+        hurt = base.data[: chunk.start + 90] + b"\xff" + base.data[chunk.start + 91 :]
+        wanted = intact.required(base, hurt)
+        assert wanted == Counter(base.stamped) - Counter(chunk.messages)
+        kinds = [kind for kind, _ in damaged.compare(base, list(wanted)[1:], Tally(undecodable=1), hurt)[0]]
+        assert kinds == [WRONG]
+    assert damaged.compare(base, wanted, Tally(undecodable=1), hurt)[0] == []
 
 
 def test_a_file_that_is_gone_broken_or_left_over_is_noticed(tmp_path: Path) -> None:

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tests.battery import bombs, caching, crafted, damaged, drives, interrupts, maps, naming, truncation, writing
+from tests.battery import (
+    bombs,
+    caching,
+    crafted,
+    damaged,
+    drives,
+    edited,
+    interrupts,
+    maps,
+    naming,
+    truncation,
+    writing,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -13,6 +25,7 @@ if TYPE_CHECKING:
 
 CLASSES: dict[str, Callable[[int, float], list[Case]]] = {
     "damaged logs": damaged.cases,
+    "edited logs": edited.cases,
     "truncation": truncation.cases,
     "crafted logs": crafted.cases,
     "bombs": bombs.cases,
