@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import os
 import signal
-import time
+from collections import Counter
 from functools import partial
 from typing import TYPE_CHECKING
 
 import pytest
 
 from mclcli.io.logs.base import Tally
-from tests.battery import bases, damaged, harness, outcome
+from tests import processes
+from tests.battery import bases, damaged, harness, intact, outcome, writing
 from tests.battery.__main__ import QUICK, main
 from tests.battery.classes import CLASSES
 from tests.battery.damages import COUNTS
@@ -72,7 +73,9 @@ def test_the_classes_are_as_large_as_promised() -> None:
         "bombs": 16,
         "maps": 92,
         "scans and frames": 60,
-        "hostile names": 160,
+        "edited logs": 270,
+        "cache": 1300,
+        "hostile names": 200,
     }
     assert {name: len(CLASSES[name](0, 1.0)) >= count for name, count in least.items()} == dict.fromkeys(least, True)
     assert sum(count for count, _ in COUNTS.values()) == 480
@@ -87,8 +90,13 @@ def _die(_: Path) -> Verdict:
 
 
 def _sleep(_: Path) -> Verdict:
-    time.sleep(30)
+    signal.pause()
     return FINE
+
+
+def _spin(_: Path) -> Verdict:
+    while True:
+        pass
 
 
 def _fill(_: Path) -> Verdict:
@@ -102,15 +110,18 @@ def _raise(_: Path) -> Verdict:
 
 def test_crashes_hangs_and_gigabytes_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(harness, "PATIENCE_S", 4.0)
+    monkeypatch.setattr(processes, "ASLEEP", 20)
     made = [Case("fine", lambda _: FINE), Case("dies", _die), Case("sleeps", _sleep), Case("fills", _fill)]
+    made.append(Case("spins", _spin))
     total = harness.run_cases([*made, Case("raises", _raise), Case("fine again", lambda _: FINE)])
     assert {(case, kind) for case, kind, _ in total.problems} == {
         ("dies", CRASH),
         ("sleeps", HANG),
+        ("spins", HANG),
         ("fills", LARGE),
         ("raises", CRASH),
     }
-    assert total.cases == 6
+    assert total.cases == 7
 
 
 def test_losses_and_alterations_are_noticed() -> None:
@@ -122,6 +133,38 @@ def test_losses_and_alterations_are_noticed() -> None:
         for found in (whole, whole[1:], [*changed, *whole[1:]], [*whole, whole[0]])
     ]
     assert kinds == [[], [LOSS], [ALTERATION], [ALTERATION]]
+
+
+def test_intact_chunks_are_asked_for() -> None:
+    for base in bases.base_logs()[:3]:
+        chunk = intact.parts_of(base.name).chunks[3]
+        hurt = base.data[: chunk.start + 90] + b"\xff" + base.data[chunk.start + 91 :]
+        wanted = intact.required(base, hurt)
+        assert wanted == Counter(base.stamped) - Counter(chunk.messages)
+        kinds = [kind for kind, _ in damaged.compare(base, list(wanted)[1:], Tally(undecodable=1), hurt)[0]]
+        assert kinds == [WRONG]
+    assert damaged.compare(base, wanted, Tally(undecodable=1), hurt)[0] == []
+
+
+def test_a_file_that_is_gone_broken_or_left_over_is_noticed(tmp_path: Path) -> None:
+    whole = {"a": b"new", "b": b"new", "c": b"new"}
+    (tmp_path / "a").write_bytes(writing.OLD)
+    (tmp_path / "b").write_bytes(b"ne")
+    (tmp_path / "d.part").write_bytes(b"")
+    expected = [(WRONG, "c is gone"), (WRONG, "b is broken")]
+    assert writing.left_behind(tmp_path, whole, parts=True) == expected
+    assert writing.left_behind(tmp_path, whole) == [*expected, (WRONG, "d.part was left behind")]
+
+
+def test_seeds_make_other_cases() -> None:
+    for name in ("crafted logs", "bombs", "failing writes", "hostile names"):
+        made = {repr(_described(CLASSES[name](seed, 1.0))) for seed in (0, 0, 1, 2)}
+        assert len(made) == 3, name
+
+
+def _described(found: list[Case]) -> list[object]:
+    """Names of cases and what they are given, without the functions."""
+    return [(case.name, *(getattr(part, "args", ()) for part in (case.check, case.prepare))) for case in found]
 
 
 @pytest.mark.parametrize("text", ["\x1b[2J", "\x9b1m", "a\u202eb", "\x07", "\x00", "\r"])

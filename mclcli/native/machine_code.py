@@ -2,8 +2,8 @@
 
 Importing numba takes longer than most jobs of the compiled loops. A kernel needs nothing of it at run time: its machine
 code is linked by LLVM, and called through a gate that takes NumPy arrays (``mclcli.native.array_gate``). A file is a
-magic line, one line of JSON (names, symbols and arguments of the functions, SHA-256 of the payload) and the payload:
-object code.
+magic line, one line of JSON (names, symbols and arguments of the functions, SHA-256 of them and of the payload)
+and the payload, which is object code.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def write(path: Path, functions: Sequence[Function]) -> None:
     """
     payload = b"".join(function.code + function.gate for function in functions)
     described = [asdict(f) | {"code": len(f.code), "gate": len(f.gate)} for f in functions]
-    header = json.dumps({"sha256": hashlib.sha256(payload).hexdigest(), "functions": described})
+    header = json.dumps({"sha256": _digest(described, payload), "functions": described})
     cache.write_whole(path, [_MAGIC, header.encode(), b"\n", payload])
 
 
@@ -74,11 +74,16 @@ def read(path: Path) -> list[Function] | None:
                 return None
             header = json.loads(file.readline(_MAX_HEADER))
             payload = file.read()
-        if header["sha256"] != hashlib.sha256(payload).hexdigest():
+        if header["sha256"] != _digest(header["functions"], payload):
             return None
         return _split(header["functions"], payload)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
+
+
+def _digest(described: object, payload: bytes) -> str:
+    """SHA-256 of what is said of the functions and of their code: the wrong arguments are as bad as the wrong code."""
+    return hashlib.sha256(json.dumps(described).encode() + payload).hexdigest()
 
 
 def _split(described: Sequence[dict[str, Any]], payload: bytes) -> list[Function]:

@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
 from functools import cache, partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from unittest import mock
 
 import numpy as np
+from llvmlite.binding.targets import FeatureMap
 
+from mclcli.cache import cache_root
 from mclcli.io.maps.field_cache import cached_field, field_path
+from mclcli.io.maps.pyramid_cache import cached_pyramid, pyramid_path
+from mclcli.native import machine_code
+from mclcli.native.array_gate import Argument
+from mclcli.native.backend import kernel_folder
+from mclcli.native.machine_code import Function
 from mclcli.world import distance_field
 from mclcli.world.occupancy import OccupancyGrid
 from tests.battery.harness import WRONG, Case, Verdict
 from tests.io.logs import seeded
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from mclcli.world.distance_field import DistanceField
@@ -26,12 +35,20 @@ PROCESSES = 8
 
 
 def cases(seed: int, share: float) -> list[Case]:
-    """Every byte of the header, bits anywhere, cuts, and processes side by side."""
+    """Every byte of the header, bits anywhere, cuts, other users and processors, and processes side by side."""
     step = max(1, round(0.2 / share))
     found = [Case(f"header byte {at}", partial(check, at, at)) for at in range(0, 400, step)]
     rng = seeded(f"{seed} cache")
     found += [Case(f"bit {n}", partial(check, None, rng.random())) for n in range(round(300 * share))]
     found += [Case(f"cut {n}", partial(check_cut, rng.random())) for n in range(round(60 * share))]
+    found += [Case(f"pyramid, bit {n}", partial(check_pyramid, rng.random())) for n in range(max(2, round(60 * share)))]
+    found += [
+        Case(f"kernels, {what} {n}", partial(check_kernels, what, rng.random()))
+        for what, count in (("byte of the head", 200), ("bit", 300), ("cut", 60))
+        for n in range(max(4, round(count * share)))
+    ]
+    found += [Case(f"{what} of another user", partial(check_foreign, make)) for what, make in KEPT.items()]
+    found += [Case(f"another processor: {what}", partial(check_processor, what)) for what in PROCESSORS]
     return found + [
         Case(f"{PROCESSES} processes, {n}", partial(check_processes, n)) for n in range(max(1, round(12 * share)))
     ]
@@ -84,6 +101,90 @@ def check_cut(share: float, folder: Path) -> Verdict:
             if not is_right(cached_field(grid(), "exact", REACH)[0]):
                 return Verdict([(WRONG, "a wrong field")], {})
     return Verdict([], {})
+
+
+def check_pyramid(place: float, folder: Path) -> Verdict:
+    """Alter one bit of a pyramid's file."""
+    with mock.patch.dict(os.environ, {"MCL_CACHE_DIR": str(folder)}):
+        right, _ = cached_pyramid(truth())
+        path = pyramid_path(truth())
+        _flip(path, int(place * path.stat().st_size))
+        found, hit = cached_pyramid(truth())
+    problems = [(WRONG, "an altered pyramid was taken")] if hit else []
+    if not np.array_equal(found.pool, right.pool):
+        problems.append((WRONG, "a wrong pyramid"))
+    return Verdict(problems, {})
+
+
+def check_kernels(what: str, place: float, folder: Path) -> Verdict:
+    """Alter or cut a file of machine code: none of it may be believed."""
+    path = folder / "k.kernels"
+    machine_code.write(path, FUNCTIONS)
+    whole = path.read_bytes()
+    if machine_code.read(path) != list(FUNCTIONS):
+        return Verdict([(WRONG, "machine code is not read as it was written")], {})
+    head = whole.rindex(b"\n", 0, len(whole) - sum(len(f.code + f.gate) for f in FUNCTIONS))
+    if what == "cut":
+        path.write_bytes(whole[: int(place * len(whole))])
+    else:
+        _flip(path, int(place * (head if what != "bit" else len(whole))))
+    believed = machine_code.read(path)
+    problems = [(WRONG, "altered machine code was taken")] if believed not in (None, list(FUNCTIONS)) else []
+    return Verdict(problems, {})
+
+
+def _flip(path: Path, at: int) -> None:
+    data = bytearray(path.read_bytes())
+    data[at] ^= 4
+    path.write_bytes(data)
+
+
+def check_foreign(make: Callable[[], bool], folder: Path) -> Verdict:
+    """What another user put there is made anew."""
+    with mock.patch.dict(os.environ, {"MCL_CACHE_DIR": str(folder)}):
+        if make() or not make():
+            return Verdict([(WRONG, "not kept, or there already")], {})
+        other = os.getuid() + 1
+        with mock.patch.object(os, "getuid", return_value=other), mock.patch.object(os, "geteuid", return_value=other):
+            taken = make()
+    return Verdict([(WRONG, "another user's file was taken")] if taken else [], {})
+
+
+def _kernels_hit() -> bool:
+    path = cache_root() / "kernels-x" / "k.kernels"
+    if machine_code.read(path) is not None:
+        return True
+    with contextlib.suppress(OSError):
+        machine_code.write(path, FUNCTIONS)
+    return False
+
+
+def check_processor(what: str, folder: Path) -> Verdict:
+    """Machine code of one processor is not looked for on another."""
+    import llvmlite.binding as llvm
+
+    with mock.patch.dict(os.environ, {"MCL_CACHE_DIR": str(folder)}):
+        here = kernel_folder()
+        again = kernel_folder()
+        with mock.patch.object(llvm, what, PROCESSORS[what]):
+            there = kernel_folder()
+    problems = [(WRONG, f"the same folder {here.name}")] if here == there else []
+    return Verdict(problems + ([(WRONG, "another folder each time")] if here != again else []), {})
+
+
+KEPT: dict[str, Callable[[], bool]] = {
+    "a field": lambda: cached_field(grid(), "exact", REACH)[1],
+    "a pyramid": lambda: cached_pyramid(truth())[1],
+    "kernels": _kernels_hit,
+}
+PROCESSORS: dict[str, Callable[[], Any]] = {
+    "get_host_cpu_name": lambda: "another",
+    "get_host_cpu_features": FeatureMap,
+}
+FUNCTIONS = (
+    Function("first", "symbol_1", (Argument("float64"), Argument("<f8", 2, writable=True)), b"\x90" * 40, b"\xc3" * 20),
+    Function("second", "symbol_2", (Argument("int64"),), bytes(range(30)), b"gate"),
+)
 
 
 def check_processes(number: int, folder: Path) -> Verdict:

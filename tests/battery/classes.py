@@ -11,6 +11,7 @@ from tests.battery import (
     crafted,
     damaged,
     drives,
+    edited,
     interrupts,
     maps,
     naming,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 CLASSES: dict[str, Callable[[int, float], list[Case]]] = {
     "damaged logs": damaged.cases,
+    "edited logs": edited.cases,
     "truncation": truncation.cases,
     "crafted logs": crafted.cases,
     "bombs": bombs.cases,

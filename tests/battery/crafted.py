@@ -14,10 +14,12 @@ from tests.battery.damaged import read_all
 from tests.battery.harness import LOSS, WRONG, Case, Verdict
 from tests.battery.outcome import unclean
 from tests.cli.support import mcl
+from tests.io.logs import seeded
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
+    from random import Random
 
 HUGE = 2**63 - 1
 AGAIN = "sensor_msgs/LaserScan again\n"
@@ -27,18 +29,18 @@ AT = content.START_NS + 5 * 10**9
 
 
 def cases(seed: int, share: float) -> list[Case]:
-    """All crafted logs; a ``share`` of them evenly spread."""
-    del seed
+    """All crafted logs, the odd records somewhere among the others; or a ``share`` of them."""
+    rng = seeded(f"{seed} crafted")
     made = [
-        *(Case(f"mcap: {name}", partial(check, "x.mcap", data, least)) for name, data, least in _mcaps()),
-        *(Case(f"bag: {name}", partial(check, "x.bag", data, least)) for name, data, least in _bags()),
-        *(Case(f"message: {name}", partial(check, "x.mcap", data, 313)) for name, data in _contents()),
+        *(Case(f"mcap: {name}", partial(check, "x.mcap", data, least)) for name, data, least in _mcaps(rng)),
+        *(Case(f"bag: {name}", partial(check, "x.bag", data, least)) for name, data, least in _bags(rng)),
+        *(Case(f"message: {name}", partial(check, "x.mcap", data, 313)) for name, data in _contents(rng)),
         *(
             Case(f"db3: {name}", partial(check_database, name, change, least))
             for name, change, least in crafted_db3.CHANGES
         ),
     ]
-    return made[:: max(1, round(1 / share))]
+    return made if share == 1.0 else rng.sample(made, max(4, round(share * len(made))))
 
 
 def check_database(name: str, change: Callable[[Path], None], least: int, folder: Path) -> Verdict:
@@ -77,31 +79,32 @@ def _judged(folder: Path, path: Path, least: int) -> Verdict:
     return Verdict(problems, {"messages of the drive": least, "read": kept})
 
 
-def _mcaps() -> Iterator[tuple[str, bytes, int]]:
+def _mcaps(rng: Random) -> Iterator[tuple[str, bytes, int]]:
     """(name, file, messages of the drive that must come out): records that lie."""
+    beside = partial(r.beside, rng)
     drive, text = r.drive(), b"\0\1\0\0\5\0\0\0abcd\0"
     own = r.schema(9, STRING, "ros2msg", "string data\n") + r.channel(9, 9, "/own")
     for kind in range(16):
         for length in (0, 3):
             yield (
                 f"kind {kind} of {length} bytes",
-                r.mcap(drive, r.record(kind, bytes(length))),
+                beside(r.record(kind, bytes(length))),
                 313 if kind not in {2, 15} else 0,
             )
     for kind in (3, 4, 5, 6, 7, 9, 128):
-        yield f"kind {kind} said to have 2^63 − 1 bytes", r.mcap(drive, r.record(kind, b"abc", HUGE)), 313
+        yield f"kind {kind} said to have 2^63 − 1 bytes", beside(r.record(kind, b"abc", HUGE)), 313
     yield "all of it twice", r.mcap(drive, drive), 313
     yield "two files in one", r.mcap(drive) * 2, 313
     yield "end in the middle", r.mcap(r.record(r.DATA_END, bytes(4)), drive), 313
-    yield "unclosed", r.mcap(drive, end=False), 313
-    yield "a chunk in a chunk", r.mcap(drive, r.chunk(r.chunk(own + r.message(9, AT, text)))), 313
-    yield "a chunk said to be empty", r.mcap(drive, r.chunk(own, size=0)), 313
-    yield "a chunk of nothing", r.mcap(drive, r.chunk(b"")), 313
-    yield "a chunk said to hold 2^40 bytes", r.mcap(drive, r.chunk(own, size=2**40)), 313
-    yield "a chunk with too short a length", r.mcap(drive, r.chunk(own, length=3)), 313
-    yield "a chunk compressed by an unknown method", r.mcap(drive, r.chunk(own, "snappy")), 313
-    yield "a chunk said to be zstd", r.mcap(drive, r.chunk(own, "zstd")), 313
-    yield "a chunk said to be lz4", r.mcap(drive, r.chunk(own, "lz4")), 313
+    yield "unclosed", beside(end=False), 313
+    yield "a chunk in a chunk", beside(r.chunk(r.chunk(own + r.message(9, AT, text)))), 313
+    yield "a chunk said to be empty", beside(r.chunk(own, size=0)), 313
+    yield "a chunk of nothing", beside(r.chunk(b"")), 313
+    yield "a chunk said to hold 2^40 bytes", beside(r.chunk(own, size=2**40)), 313
+    yield "a chunk with too short a length", beside(r.chunk(own, length=3)), 313
+    yield "a chunk compressed by an unknown method", beside(r.chunk(own, "snappy")), 313
+    yield "a chunk said to be zstd", beside(r.chunk(own, "zstd")), 313
+    yield "a chunk said to be lz4", beside(r.chunk(own, "lz4")), 313
     yield (
         "a chunk in two zstd frames",
         r.mcap(r.chunk(drive, "zstd", zstandard.compress(drive[:9999]) + zstandard.compress(drive[9999:]))),
@@ -109,49 +112,44 @@ def _mcaps() -> Iterator[tuple[str, bytes, int]]:
     )
     yield (
         "a chunk with more behind its zstd frame",
-        r.mcap(drive, r.chunk(own, "zstd", zstandard.compress(own) + b"more")),
+        beside(r.chunk(own, "zstd", zstandard.compress(own) + b"more")),
         313,
     )
-    yield "a message of an unknown channel", r.mcap(drive, r.message(77, AT, text)), 313
-    yield "a message shorter than its head", r.mcap(drive, r.record(5, b"\1\0\0")), 313
-    yield "a channel of an unknown schema", r.mcap(drive, r.channel(9, 99, "/own"), r.message(9, AT, text)), 313
+    yield "a message of an unknown channel", beside(r.message(77, AT, text)), 313
+    yield "a message shorter than its head", beside(r.record(5, b"\1\0\0")), 313
+    yield "a channel of an unknown schema", beside(r.channel(9, 99, "/own"), r.message(9, AT, text)), 313
     yield (
         "a channel that changes its topic",
-        r.mcap(drive, own, r.message(9, AT, text), r.channel(9, 9, "/new"), r.message(9, AT, text)),
+        beside(own, r.message(9, AT, text), r.channel(9, 9, "/new"), r.message(9, AT, text)),
         313,
     )
     yield (
         "a channel that takes over another's number",
-        r.mcap(drive, r.channel(4, 5, "/scan"), r.message(4, AT, text)),
+        beside(r.channel(4, 5, "/scan"), r.message(4, AT, text)),
         313,
     )
     yield (
         "a channel with endless metadata",
-        r.mcap(
-            drive, r.record(4, struct.pack("<HH", 9, 9) + r.text("/own") + r.text("cdr") + struct.pack("<I", 2**32 - 1))
-        ),
+        beside(r.record(4, struct.pack("<HH", 9, 9) + r.text("/own") + r.text("cdr") + struct.pack("<I", 2**32 - 1))),
         313,
     )
-    yield "a schema with a string beyond its end", r.mcap(drive, r.record(3, struct.pack("<HI", 9, 2**32 - 1))), 313
+    yield "a schema with a string beyond its end", beside(r.record(3, struct.pack("<HI", 9, 2**32 - 1))), 313
     yield (
         "names that are not UTF-8",
-        r.mcap(
-            drive, r.schema(9, b"\xff\xfe", "ros2msg", b"\xff"), r.channel(9, 9, b"\xc3\x28"), r.message(9, AT, text)
-        ),
+        beside(r.schema(9, b"\xff\xfe", "ros2msg", b"\xff"), r.channel(9, 9, b"\xc3\x28"), r.message(9, AT, text)),
         313,
     )
-    yield "a topic without a name", r.mcap(drive, own.replace(r.text("/own"), r.text("")), r.message(9, AT, text)), 313
-    yield "an encoding nobody knows", r.mcap(drive, r.channel(9, 1, "/own", "protobuf"), r.message(9, AT, text)), 313
-    yield "no encoding", r.mcap(drive, r.channel(9, 1, "/own", ""), r.message(9, AT, text)), 313
+    yield "a topic without a name", beside(own.replace(r.text("/own"), r.text("")), r.message(9, AT, text)), 313
+    yield "an encoding nobody knows", beside(r.channel(9, 1, "/own", "protobuf"), r.message(9, AT, text)), 313
+    yield "no encoding", beside(r.channel(9, 1, "/own", ""), r.message(9, AT, text)), 313
     yield (
         "times at the ends of time",
-        r.mcap(drive, own, *(r.message(9, at, text) for at in (0, 1, 2**63 - 1, 2**63, 2**64 - 1))),
+        beside(own, *(r.message(9, at, text) for at in (0, 1, 2**63 - 1, 2**63, 2**64 - 1))),
         313,
     )
     yield (
         "65,535 channels",
-        r.mcap(
-            drive,
+        beside(
             r.schema(9, STRING, "ros2msg", "string data\n"),
             *(r.channel(n, 9, f"/t{n}") for n in range(6, 65535)),
         ),
@@ -163,8 +161,9 @@ def _mcaps() -> Iterator[tuple[str, bytes, int]]:
     yield "nothing but the magic", r.MAGIC, 0
 
 
-def _bags() -> Iterator[tuple[str, bytes, int]]:
+def _bags(rng: Random) -> Iterator[tuple[str, bytes, int]]:
     """The same of ROS 1 bags."""
+    beside = partial(r.bag_beside, rng)
     drive, own = (
         r.bag_drive(),
         r.connection(9, "/own", "std_msgs/String", "string data\n", "992ce8a1687cec8c8bd883ec73ca41d1"),
@@ -172,51 +171,51 @@ def _bags() -> Iterator[tuple[str, bytes, int]]:
     conn, time, one = struct.pack("<I", 9), bytes(8), struct.pack("<I", 1)
     yield "whole", r.bag(drive), 313
     yield "all of it twice", r.bag(drive, drive), 313
-    yield "a header of 2^32 − 1 bytes", r.bag(drive, b"\xff" * 4 + b"abc"), 313
-    yield "a field longer than its header", r.bag(drive, struct.pack("<II", 8, 99) + b"op=\2" + bytes(4)), 313
-    yield "a header without op", r.bag(drive, r.bag_record(b"", conn=conn)), 313
-    yield "an op nobody knows", r.bag(drive, r.bag_record(b"", op=b"\x63")), 313
-    yield "data of 2^32 − 1 bytes", r.bag(drive, r.bag_record(b"abc", 2**32 - 1, op=b"\2", conn=conn, time=time)), 313
-    yield "a message without conn", r.bag(drive, r.bag_record(b"abcd", op=b"\2", time=time)), 313
-    yield "a message without time", r.bag(drive, own, r.bag_record(b"\1\0\0\0a", op=b"\2", conn=conn)), 313
-    yield "a message of an unknown connection", r.bag(drive, r.bag_message(77, AT, b"")), 313
-    yield "a conn of 9 bytes", r.bag(drive, r.bag_record(b"", op=b"\2", conn=b"\xff" * 9, time=time)), 313
-    yield "a connection without topic", r.bag(drive, r.bag_record(b"", op=b"\7", conn=conn)), 313
-    yield "a connection without type", r.bag(drive, r.bag_record(b"", op=b"\7", conn=conn, topic=b"/own")), 313
+    yield "a header of 2^32 − 1 bytes", beside(b"\xff" * 4 + b"abc"), 313
+    yield "a field longer than its header", beside(struct.pack("<II", 8, 99) + b"op=\2" + bytes(4)), 313
+    yield "a header without op", beside(r.bag_record(b"", conn=conn)), 313
+    yield "an op nobody knows", beside(r.bag_record(b"", op=b"\x63")), 313
+    yield "data of 2^32 − 1 bytes", beside(r.bag_record(b"abc", 2**32 - 1, op=b"\2", conn=conn, time=time)), 313
+    yield "a message without conn", beside(r.bag_record(b"abcd", op=b"\2", time=time)), 313
+    yield "a message without time", beside(own, r.bag_record(b"\1\0\0\0a", op=b"\2", conn=conn)), 313
+    yield "a message of an unknown connection", beside(r.bag_message(77, AT, b"")), 313
+    yield "a conn of 9 bytes", beside(r.bag_record(b"", op=b"\2", conn=b"\xff" * 9, time=time)), 313
+    yield "a connection without topic", beside(r.bag_record(b"", op=b"\7", conn=conn)), 313
+    yield "a connection without type", beside(r.bag_record(b"", op=b"\7", conn=conn, topic=b"/own")), 313
     yield (
         "a digest that is not the definition's",
-        r.bag(drive, r.connection(9, "/scan2", "sensor_msgs/LaserScan", TWIN, "0" * 32), r.bag_message(9, AT, b"abcd")),
+        beside(r.connection(9, "/scan2", "sensor_msgs/LaserScan", TWIN, "0" * 32), r.bag_message(9, AT, b"abcd")),
         313,
     )
     yield (
         "index data said to have 2^32 − 1 entries",
-        r.bag(drive, r.bag_record(b"", op=b"\4", ver=one, conn=conn, count=b"\xff" * 4)),
+        beside(r.bag_record(b"", op=b"\4", ver=one, conn=conn, count=b"\xff" * 4)),
         313,
     )
     yield (
         "index data with a count of 8 bytes",
-        r.bag(drive, r.bag_record(b"", op=b"\4", ver=one, conn=conn, count=b"\xff" * 8)),
+        beside(r.bag_record(b"", op=b"\4", ver=one, conn=conn, count=b"\xff" * 8)),
         313,
     )
     for method in ("none", "bz2", "lz4", "zip", ""):
         body = r.bag_record(own, op=b"\5", compression=method.encode(), size=struct.pack("<I", len(own)))
-        yield f"a chunk said to be {method or 'nothing'}", r.bag(drive, body), 313
+        yield f"a chunk said to be {method or 'nothing'}", beside(body), 313
         yield (
             f"a chunk said to be {method or 'nothing'} of 2^32 − 1 bytes",
-            r.bag(drive, body.replace(struct.pack("<I", len(own)), b"\xff" * 4, 1)),
+            beside(body.replace(struct.pack("<I", len(own)), b"\xff" * 4, 1)),
             0,
         )
 
 
-def _contents() -> Iterator[tuple[str, bytes]]:
+def _contents(rng: Random) -> Iterator[tuple[str, bytes]]:
     """Messages and definitions that lie, on topics beside the drive's."""
-    drive, head = r.drive(), b"\0\1\0\0"
+    head = b"\0\1\0\0"
     header = struct.pack("<iI", 5, 0) + r.text(b"laser\0") + b"\0\0"
     scan = header + struct.pack("<7f", -1, 1, 0.1, 0, 0, 0.1, 10)
 
     def with_message(kind: str, data: bytes, definition: str | None = None, topic: str = "/other") -> bytes:
         known = content.definition("cdr", kind)[0] if definition is None else definition
-        return r.mcap(drive, r.schema(9, kind, "ros2msg", known), r.channel(9, 9, topic), r.message(9, AT, data))
+        return r.beside(rng, r.schema(9, kind, "ros2msg", known), r.channel(9, 9, topic), r.message(9, AT, data))
 
     for name, data in {
         "nothing": b"",

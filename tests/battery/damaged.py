@@ -11,7 +11,7 @@ from mcap.reader import make_reader
 from mclcli.errors import MclError
 from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Tally
-from tests.battery import content
+from tests.battery import content, intact
 from tests.battery.bases import Base, base_logs
 from tests.battery.damages import damages
 from tests.battery.harness import ALTERATION, CRASH, LOSS, WRONG, Case, Verdict
@@ -49,7 +49,7 @@ def check(base: Base, data: bytes, folder: Path, *, runs: bool = False) -> Verdi
     """Read one damaged log as a library, by ``mcl info``, ``mcl recover``, and perhaps ``mcl run``."""
     path = folder / base.name
     path.write_bytes(data)
-    problems, figures, lossy, found = _read(base, path)
+    problems, figures, lossy, found = _read(base, path, data)
     problems += _told("info", mcl("info", path), {None: 1, True: 3, False: 0}[lossy])
     problems += _recovered(folder, path, found, lossy=lossy)
     if runs:
@@ -65,8 +65,10 @@ def read_all(path: Path) -> tuple[list[Stamped], Tally]:
     return [(m.channel.topic, m.log_time_ns, m.data) for m in messages], tally
 
 
-def compare(base: Base, found: Iterable[Stamped], tally: Tally) -> tuple[list[tuple[str, str]], dict[str, int]]:
-    """What is wrong with the messages that came out, and how many there are of each kind."""
+def compare(
+    base: Base, found: Iterable[Stamped], tally: Tally, data: bytes = b""
+) -> tuple[list[tuple[str, str]], dict[str, int]]:
+    """What is wrong with the messages that came out of damaged data, and how many there are of each kind."""
     out, known = Counter(found), Counter(base.stamped)
     altered, missing = (out - known).total(), (known - out).total()
     problems: list[tuple[str, str]] = []
@@ -78,19 +80,23 @@ def compare(base: Base, found: Iterable[Stamped], tally: Tally) -> tuple[list[tu
     said_lost = sum(count for count in lost if count is not None)
     if lost and not altered and None not in lost and said_lost < missing:
         problems.append((LOSS, f"{missing} messages are missing, {said_lost} were said to be"))
+    if unread := (intact.required(base, data) - out).total():
+        problems.append((WRONG, f"{unread} messages of intact chunks were not read"))
     figures = {"read": out.total() - altered, "of": len(base.known)}
     if altered and not base.checked and not tally.damages:
         figures["altered, no checksum to tell"] = altered
     return problems, figures
 
 
-def _read(base: Base, path: Path) -> tuple[list[tuple[str, str]], dict[str, int], bool | None, list[Stamped]]:
+def _read(
+    base: Base, path: Path, data: bytes
+) -> tuple[list[tuple[str, str]], dict[str, int], bool | None, list[Stamped]]:
     """Problems, figures, whether something was lost (None: the file was refused), and what was read."""
     try:
         found, tally = read_all(path)
     except MclError as error:
         return said(str(error)), {"refused": 1, "of": len(base.known)}, None, []
-    problems, figures = compare(base, found, tally)
+    problems, figures = compare(base, found, tally, data)
     return problems, figures, tally.lossy, found
 
 

@@ -6,7 +6,9 @@ import contextlib
 import multiprocessing
 import os
 import re
+import resource
 import shutil
+import signal
 import tempfile
 import time
 import traceback
@@ -15,16 +17,20 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
+from tests import processes
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from multiprocessing.connection import Connection
 
-PATIENCE_S = 60.0
-"""Wall-clock time after which a worker is taken for hung; far above the promise, for machines with other work."""
 PROMISED_S = 10.0
 """Most processor time that a case may take."""
+PATIENCE_S = 3 * PROMISED_S
+"""Processor time after which a worker is ended. However busy the machine is, a case takes the same."""
 PROMISED_MIB = 512.0
 """Most memory above what the worker had before the case."""
+CEILING_MIB = 8 * PROMISED_MIB
+"""Memory that the system gives a worker beyond its own; more fails, so that the machine survives a bad case."""
 
 LOSS, ALTERATION, WRONG, CRASH, HANG, LARGE = "silent loss", "silent alteration", "wrong", "crash", "hang", "memory"
 
@@ -110,15 +116,25 @@ class _Worker:
         """Run one case."""
         pipe = self._pipe or self._start()
         pipe.send(number)
-        if not pipe.poll(PATIENCE_S):
+        why = self._wait(pipe)
+        if why:
             self.stop()
-            return Ended(Verdict([(HANG, f"no end after {PATIENCE_S:.0f} s")], {}), PATIENCE_S, 0.0)
+            return Ended(Verdict([(HANG, why)], {}), 0.0, 0.0)
         try:
             ended: Ended = pipe.recv()
         except EOFError:
             code = self.stop()
             return Ended(Verdict([(CRASH, f"the process died with {code}")], {}), 0.0, 0.0)
         return ended
+
+    def _wait(self, pipe: Connection) -> str:
+        """Wait for an answer, or until the worker hangs: in what way, else ''."""
+        group = self._process.pid if self._process and self._process.pid else 0
+        watch = processes.Watch(lambda: processes.usage_of_group(group), PATIENCE_S)
+        why = ""
+        while not why and not pipe.poll(processes.LOOK_S):
+            why = watch.look()
+        return why
 
     def stop(self) -> int | None:
         """End the worker; how it ended."""
@@ -129,8 +145,8 @@ class _Worker:
         if process is None:
             return None
         process.join(0.5)
-        if process.is_alive():
-            process.kill()
+        if process.is_alive() and process.pid:
+            os.killpg(process.pid, signal.SIGKILL)
             process.join()
         return process.exitcode
 
@@ -140,12 +156,17 @@ class _Worker:
         self._process = context.Process(target=_serve, args=(self._cases, theirs), daemon=False)
         self._process.start()
         theirs.close()
+        self._pipe.recv()
         return self._pipe
 
 
 def _serve(cases: Sequence[Case], pipe: Connection) -> None:
     """Run the cases asked for until the pipe closes."""
+    os.setpgid(0, 0)  # with all that its cases start
+    limit = (_kibibytes("VmData") << 10) + int(CEILING_MIB * 2**20)
+    resource.setrlimit(resource.RLIMIT_DATA, (limit, limit))
     with contextlib.suppress(EOFError, KeyboardInterrupt):
+        pipe.send(None)  # ready, with a group of its own
         while True:
             pipe.send(_measured(cases[pipe.recv()]))
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from mcap.reader import make_reader
 
+from tests import processes
 from tests.battery import writing
 from tests.battery.damaged import read_all
 from tests.battery.harness import CRASH, WRONG, Case, Verdict
@@ -51,7 +52,7 @@ def check(command: str, number: signal.Signals, moment: float, folder: Path) -> 
     started = _start(command, folder)
     time.sleep(moment * duration(command))
     started.send_signal(number)
-    _, said = started.communicate(timeout=60)
+    _, said = processes.finish(started)
     problems = writing.left_behind(folder, whole, parts=True)
     if started.returncode not in {0, CODES[number], -number}:  # by the signal itself, before or after mcl is there
         problems.append((CRASH, f"ended with {started.returncode}: {said.decode()[-400:]}"))
@@ -71,12 +72,11 @@ def check_pipe(size: int, folder: Path) -> Verdict:
         _command(words), cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=_environment()
     )
     assert started.stdout is not None
-    assert started.stderr is not None
     started.stdout.read(size)
     started.stdout.close()
-    said = started.stderr.read().decode()
-    code = started.wait(timeout=60)
-    started.stderr.close()
+    started.stdout = None  # nobody reads the rest
+    said = processes.finish(started)[1].decode()
+    code = started.returncode
     if (code, said) != (141, ""):
         return Verdict([(WRONG, f"ended with {code}: {said[-300:]}")], {})
     return Verdict([], {"pipes": 1})
@@ -94,7 +94,7 @@ def duration(command: str) -> float:
             writing.put_inputs(Path(folder))
             began = time.monotonic()
             started = _start(command, Path(folder))
-            started.communicate(timeout=60)
+            processes.finish(started)
             times.append(time.monotonic() - began)
     return min(times)
 

@@ -16,10 +16,12 @@ from tests.battery import content
 from tests.battery.harness import WRONG, Case, Verdict
 from tests.battery.outcome import said, unclean
 from tests.cli.support import mcl
+from tests.io.logs import seeded
 from tests.io.ros_messages import STORES
 
 if TYPE_CHECKING:
     from pathlib import Path
+    from random import Random
 
 STORE = STORES["cdr"]
 NAMES = (
@@ -66,12 +68,31 @@ NAMES = (
 )
 
 
+_FORMULA = ("", "=")
+MADE_UP = 12
+"""Names of a seed's own."""
+_KINDS = (
+    "\x01\x02\x07\x08\x0b\x0e\x1a",
+    "\x80\x85\x90\x9b\x9d\x9f",
+    "\u061c\u200e\u202b\u2029\u2068",
+    "=+-@[]{}%$:#'\"",
+)
+
+
 def cases(seed: int, share: float) -> list[Case]:
-    """Every name in the table, the messages, the CSV files and the MCAP files."""
-    del seed
-    names = NAMES[:: max(1, round(0.5 / share))] if share < 0.5 else NAMES
+    """Every name, and some made up, in the table, the messages, the CSV files and the MCAP files."""
+    rng = seeded(f"{seed} names")
+    names = list(NAMES) if share == 1.0 else rng.sample(NAMES, max(4, round(share * len(NAMES))))
+    names += [_FORMULA[n % 2] + _made_up(rng) for n in range(max(2, round(MADE_UP * share)))]
     checks = {"table": table, "messages": messages, "CSV": tables, "MCAP": mcaps}
     return [Case(f"{place}: {name[:30]!a}", partial(check, name)) for name in names for place, check in checks.items()]
+
+
+def _made_up(rng: Random) -> str:
+    """Letters with one character of every harmful kind between them."""
+    parts = [rng.choice(kind) for kind in _KINDS] + [rng.choice("abcXYZ_") for _ in range(6)]
+    rng.shuffle(parts)
+    return "".join(parts)
 
 
 def table(name: str, folder: Path) -> Verdict:

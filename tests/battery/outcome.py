@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import TYPE_CHECKING
 
-from tests.battery.harness import CRASH, WRONG
+from tests.battery.harness import CRASH, LARGE, WRONG
 
 if TYPE_CHECKING:
     from tests.cli.support import Result
@@ -14,10 +14,12 @@ _HARMFUL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u20
 
 
 def unclean(result: Result) -> list[tuple[str, str]]:
-    """A traceback, exit code 70, or bytes on stdout or stderr that a terminal would obey."""
+    """A traceback, exit code 70, no memory left, or bytes on stdout or stderr that a terminal would obey."""
     problems = []
     if result.code == 70 or "Traceback" in result.err or result.code < 0:
         problems.append((CRASH, result.err[-400:]))
+    if "out of memory" in result.err:
+        problems.append((LARGE, result.err[-400:]))
     return problems + said(result.err) + said(result.out.decode("utf-8", "surrogateescape"))
 
 

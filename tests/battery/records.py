@@ -4,8 +4,12 @@ from __future__ import annotations
 
 import struct
 import zlib
+from typing import TYPE_CHECKING, Any
 
 from tests.battery import content
+
+if TYPE_CHECKING:
+    from random import Random
 
 MAGIC = b"\x89MCAP0\r\n"
 HEADER, FOOTER, SCHEMA, CHANNEL, MESSAGE, CHUNK, MESSAGE_INDEX, DATA_END = 1, 2, 3, 4, 5, 6, 7, 15
@@ -56,11 +60,23 @@ def mcap(*records: bytes, profile: str = "ros2", end: bool = True) -> bytes:
 
 def drive() -> bytes:
     """Schemas, channels and messages of the drive, as records outside chunks; numbers 1 to 5 are taken."""
+    return b"".join(drive_records())
+
+
+def beside(rng: Random, *records: bytes, **options: Any) -> bytes:
+    """A file of the drive, with other records together somewhere among its messages, or behind them."""
+    parts = drive_records()
+    at = rng.randrange(2 * len(content.TYPES), len(parts) + 1)
+    return mcap(*parts[:at], *records, *parts[at:], **options)
+
+
+def drive_records() -> list[bytes]:
+    """The records of the drive; first come those that describe its topics."""
     parts, numbers = [], {}
     for number, (topic, kind) in enumerate(content.TYPES.items(), 1):
         numbers[topic] = number
         parts += [schema(number, kind, "ros2msg", content.definition("cdr", kind)[0]), channel(number, number, topic)]
-    return b"".join(parts) + b"".join(message(numbers[m.topic], m.log_ns, m.data) for m in content.messages("cdr"))
+    return parts + [message(numbers[m.topic], m.log_ns, m.data) for m in content.messages("cdr")]
 
 
 def fields(**values: bytes) -> bytes:
@@ -99,9 +115,23 @@ def bag_message(number: int, at_ns: int, data: bytes) -> bytes:
 
 def bag_drive() -> bytes:
     """Connections and messages of the drive, outside chunks; numbers 1 to 5 are taken."""
+    return b"".join(bag_drive_records())
+
+
+def bag_beside(rng: Random, *records: bytes) -> bytes:
+    """A bag of the drive in chunks, with other records together between two of these, or behind them."""
+    parts = bag_drive_records()
+    runs = [b"".join(parts[at : at + 20]) for at in range(0, len(parts), 20)]
+    chunks = [bag_record(run, op=b"\5", compression=b"none", size=struct.pack("<I", len(run))) for run in runs]
+    at = rng.randrange(1, len(chunks) + 1)
+    return bag(*chunks[:at], *records, *chunks[at:])
+
+
+def bag_drive_records() -> list[bytes]:
+    """The records of the drive; first come its connections."""
     numbers = {topic: number for number, topic in enumerate(content.TYPES, 1)}
     lines = [
         connection(n, t, content.TYPES[t].replace("/msg/", "/"), *content.definition("ros1", content.TYPES[t]))
         for t, n in numbers.items()
     ]
-    return b"".join(lines) + b"".join(bag_message(numbers[m.topic], m.log_ns, m.data) for m in content.messages("ros1"))
+    return lines + [bag_message(numbers[m.topic], m.log_ns, m.data) for m in content.messages("ros1")]

@@ -38,7 +38,7 @@ def check(name: str, cut: int, folder: Path) -> Verdict:
     path = folder / name
     path.write_bytes(base.data[:cut])
     found, tally = read_all(path)
-    problems, _ = compare(base, found, tally)
+    problems, _ = compare(base, found, tally, base.data[:cut])
     if name.endswith(".db3"):
         return Verdict(
             problems, {"of db3, read": len(found), "of db3, by share": len(base.known) * cut // len(base.data)}

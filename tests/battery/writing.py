@@ -8,15 +8,17 @@ import io
 import os
 from functools import cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from unittest import mock
 
 from mclcli.io.traces import output
+from mclcli.native import machine_code
 from tests.battery import content
 from tests.battery.bases import base_logs
 from tests.battery.harness import WRONG, Case, Verdict
 from tests.battery.outcome import unclean
 from tests.cli.support import Result, mcl
+from tests.io.logs import seeded
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -34,24 +36,28 @@ COMMANDS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
 
 
 def cases(seed: int, share: float) -> list[Case]:
-    """The k-th write of every command fails, for every k; and so for the cache's file."""
-    del seed
-    found = []
+    """The k-th write of every command fails, for every k; and so for the cache's file; and all reach the disk."""
+    rng = seeded(f"{seed} writing")
+    found = [Case(f"{name}: on the disk before it has its name", partial(check_durable, name)) for name in COMMANDS]
+    found.append(Case("cache: on the disk before it has its name", check_durable_cache))
     for name in COMMANDS if share == 1.0 else ("run", "recover"):
         count = int(reference(name)[0])
-        numbers = range(1, count + 1) if share == 1.0 else range(1, count + 1, 10)
-        found += [
-            Case(f"{name}: operation {number} of {count} fails", partial(check, name, number)) for number in numbers
-        ]
-    return found + [Case(f"cache: operation {number} fails", partial(check_cache, number)) for number in range(1, 6)]
+        numbers = range(1, count + 1)
+        for number in numbers if share == 1.0 else sorted(rng.sample(numbers, min(3, count))):
+            failure = Failure(number, rng.choice(ERRORS), rng.random())
+            found.append(Case(f"{name}: operation {number} of {count} fails", partial(check, name, failure)))
+    for number in range(1, 6):
+        failure = Failure(number, rng.choice(ERRORS), rng.random())
+        found.append(Case(f"cache: operation {number} fails", partial(check_cache, failure)))
+    return found
 
 
-def check(name: str, number: int, folder: Path) -> Verdict:
+def check(name: str, failure: Failure, folder: Path) -> Verdict:
     """Let one operation fail and look at what is left."""
     _, whole = reference(name)
     for target in whole:
         (folder / target).write_bytes(OLD)
-    with failing(number) as failed:
+    with failing(failure) as failed:
         result = _run(name, folder)
     problems = unclean(result)
     if not failed.happened:
@@ -64,8 +70,8 @@ def check(name: str, number: int, folder: Path) -> Verdict:
 
 
 def left_behind(folder: Path, whole: dict[str, bytes], *, parts: bool = False) -> list[tuple[str, str]]:
-    """Files that are neither the old nor the whole new one, or should not be there; ``parts`` may be."""
-    problems = []
+    """Files that are neither the old nor the whole new one, are gone, or should not be there; ``parts`` may be."""
+    problems = [(WRONG, f"{name} is gone") for name in whole if not (folder / name).exists()]
     for path in sorted(folder.iterdir()):
         if path.name in whole:
             if path.read_bytes() not in {OLD, whole[path.name]}:
@@ -75,10 +81,10 @@ def left_behind(folder: Path, whole: dict[str, bytes], *, parts: bool = False) -
     return problems
 
 
-def check_cache(number: int, folder: Path) -> Verdict:
+def check_cache(failure: Failure, folder: Path) -> Verdict:
     """A field that cannot be kept costs a warning."""
     put_inputs(folder)
-    with mock.patch.dict(os.environ, {"MCL_CACHE_DIR": str(folder / "cache")}), failing(number):
+    with mock.patch.dict(os.environ, {"MCL_CACHE_DIR": str(folder / "cache")}), failing(failure):
         result = mcl("dt", folder / "room.yaml", "--json")
         again = mcl("dt", folder / "room.yaml", "--json")
     problems = unclean(result) + unclean(again)
@@ -89,22 +95,102 @@ def check_cache(number: int, folder: Path) -> Verdict:
     return Verdict(problems, {"warnings": result.err.count("cannot keep")})
 
 
+def check_durable(name: str, folder: Path) -> Verdict:
+    """What a command makes grows under another name, and is on the disk as a whole when it gets its own."""
+    with synced() as moves:
+        result = _run(name, folder)
+    problems = unclean(result)
+    for target in reference(name)[1]:
+        problems += _not_durable(folder / target, moves)
+    return Verdict(problems, {"files synced": len(moves)})
+
+
+def check_durable_cache(folder: Path) -> Verdict:
+    """The same of a field and of machine code."""
+    put_inputs(folder)
+    kept = folder / "cache"
+    kernels = kept / "kernels" / "x.kernels"
+    with mock.patch.dict(os.environ, {"MCL_CACHE_DIR": str(kept)}), synced() as moves:
+        result = mcl("dt", folder / "room.yaml", "--json")
+        machine_code.write(kernels, [])
+    fields = list(kept.rglob("*.field"))
+    problems = unclean(result) + [problem for path in (*fields, kernels) for problem in _not_durable(path, moves)]
+    if not fields:
+        problems.append((WRONG, "no field was kept"))
+    return Verdict(problems, {"files synced": len(moves)})
+
+
+class Move(NamedTuple):
+    """A file that got its name: its size then, and the size up to which it was on the disk."""
+
+    size: int
+    synced: int
+
+
+@contextlib.contextmanager
+def synced() -> Iterator[dict[str, Move]]:
+    """Files by the path that they are moved to."""
+    sizes: dict[int, int] = {}
+    moves: dict[str, Move] = {}
+    sync = os.fsync
+
+    def fsync(handle: int) -> None:
+        sync(handle)
+        status = os.fstat(handle)
+        sizes[status.st_ino] = status.st_size
+
+    def moving(function: Callable[..., None]) -> Callable[..., None]:
+        def move(source: Any, target: Any, **options: Any) -> None:
+            status = os.stat(source)  # noqa: PTH116 - as it is given
+            function(source, target, **options)
+            moves[os.path.realpath(target)] = Move(status.st_size, sizes.get(status.st_ino, -1))
+
+        return move
+
+    with contextlib.ExitStack() as patches:
+        patches.enter_context(mock.patch.object(os, "fsync", fsync))
+        for name in ("replace", "rename", "link"):
+            patches.enter_context(mock.patch.object(os, name, moving(getattr(os, name))))
+        yield moves
+
+
+def _not_durable(path: Path, moves: dict[str, Move]) -> list[tuple[str, str]]:
+    move = moves.get(os.path.realpath(path))
+    if move is None:
+        return [(WRONG, f"{path.name} grew under its final name")]
+    return [(WRONG, f"{path.name} got its name before it was on the disk")] if move.size != move.synced else []
+
+
+ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EFBIG)
+
+
+class Failure(NamedTuple):
+    """Which operation fails, with which error, and which share of its bytes is written before."""
+
+    number: int
+    error: int
+    share: float
+
+
+NEVER = Failure(1 << 30, errno.EIO, 0.0)
+
+
 class Countdown:
     """Operations until one fails."""
 
-    def __init__(self, number: int) -> None:
-        self.done, self._number = 0, number
+    def __init__(self, failure: Failure) -> None:
+        self.done, self.failure = 0, failure
 
     @property
     def happened(self) -> bool:
         """Whether it has failed."""
-        return self.done >= self._number
+        return self.done >= self.failure.number
 
     def __call__(self) -> None:
         """One operation."""
         self.done += 1
-        if self.done == self._number:
-            raise OSError(errno.ENOSPC, "No space left on device")
+        if self.done == self.failure.number:
+            raise OSError(self.failure.error, os.strerror(self.failure.error))
 
 
 class _Raw(io.FileIO):
@@ -115,14 +201,18 @@ class _Raw(io.FileIO):
         self._count = count
 
     def write(self, data: Any, /) -> int:
-        self._count()
+        try:
+            self._count()
+        except OSError:
+            super().write(memoryview(data)[: int(self._count.failure.share * len(data))])
+            raise
         return super().write(data) or 0
 
 
 @contextlib.contextmanager
-def failing(number: int) -> Iterator[Countdown]:
-    """Let the operation of this number fail: opening, writing, syncing and moving of outputs and of the cache."""
-    count = Countdown(number)
+def failing(failure: Failure) -> Iterator[Countdown]:
+    """Let one operation fail: opening, writing, syncing and moving of outputs and of the cache."""
+    count = Countdown(failure)
 
     def counted(function: Callable[..., Any]) -> Callable[..., Any]:
         def call(*args: Any, **options: Any) -> Any:
@@ -139,7 +229,8 @@ def failing(number: int) -> Iterator[Countdown]:
         mock.patch.object(output, "open", opened, create=True),
         mock.patch.object(os, "fdopen", opened),
         mock.patch.object(os, "fsync", counted(os.fsync)),
-        mock.patch.object(Path, "replace", counted(Path.replace)),
+        mock.patch.object(os, "replace", counted(os.replace)),
+        mock.patch.object(os, "link", counted(os.link)),
     ):
         yield count
 
@@ -151,7 +242,7 @@ def reference(name: str) -> tuple[int, dict[str, bytes]]:
 
     with tempfile.TemporaryDirectory() as folder:
         _run(name, Path(folder))  # the cache is warm from here on
-        with failing(1 << 30) as count:
+        with failing(NEVER) as count:
             result = _run(name, Path(folder))
         assert result.code == 0, result.err
         made = {path.name: path.read_bytes() for path in Path(folder).iterdir()}

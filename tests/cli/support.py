@@ -23,6 +23,7 @@ from mclcli.cli import group
 from mclcli.cli.process import run
 from mclcli.evaluate.metrics import absolute_pose_errors
 from mclcli.geometry.trajectory import Trajectory
+from tests import processes
 from tests.io.ros_messages import STORES, build
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def process(*words: object, **options: Any) -> subprocess.Popen[bytes]:
 
 def finish(started: subprocess.Popen[bytes]) -> Result:
     """Wait for a process that ``process`` started."""
-    out, err = started.communicate(timeout=120)
+    out, err = processes.finish(started)
     return Result(started.returncode, out or b"", (err or b"").decode())
 
 

@@ -196,7 +196,7 @@ def test_rerun_finds_no_fault(tmp_path: Path, name: str) -> None:
     )
     assert mcl("recover", tmp_path / name, "-o", tmp_path / "good.mcap").code == 3
     words = [program, "mcap", "check", str(tmp_path / "good.mcap")]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.count("ok ") == 5, done.stdout
 
@@ -211,7 +211,7 @@ def test_an_interrupt_keeps_what_was_saved(tmp_path: Path, number: signal.Signal
     while not any(path.stat().st_size for path in tmp_path.iterdir()):
         time.sleep(0.01)  # until the first chunk is there; the stream stays open
     started.send_signal(number)
-    assert started.wait(timeout=60) == code
+    assert started.wait() == code
     stdin.close()
     assert [path.name for path in tmp_path.iterdir()] == ["good.mcap.part"]
     assert len(saved((tmp_path / "good.mcap.part").read_bytes())) > 100

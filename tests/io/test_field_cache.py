@@ -16,6 +16,8 @@ import pytest
 from mclcli import cache
 from mclcli.io.maps.field_cache import cached_field, field_path
 from mclcli.world import FieldMethod, distance_field
+from mclcli.world.distance_field import DistanceField
+from tests import processes
 from tests.worlds import drawn
 
 if TYPE_CHECKING:
@@ -239,6 +241,6 @@ def test_processes_at_once_never_read_half_a_file() -> None:
     root = Path(__file__).resolve().parents[2]
     commands = [[sys.executable, "-W", "error", "-c", _WORKER, role] for role in ("remove", "keep")]
     workers = [subprocess.Popen(c, cwd=root, stderr=subprocess.PIPE, text=True) for c in commands]
-    said = [worker.communicate(timeout=60)[1] for worker in workers]
+    said = [processes.finish(worker)[1] for worker in workers]
     assert [worker.returncode for worker in workers] == [0, 0], said
     assert not list(path.parent.glob(".field-*"))

@@ -18,6 +18,7 @@ from mclcli import cache
 from mclcli.errors import InputError, MclError, UsageError, nearest_name
 from mclcli.native import array_gate, backend, machine_code, self_test, versions
 from mclcli.native.array_gate import Argument
+from tests import processes
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -85,20 +86,20 @@ print(distance[2, 3], "numba" in sys.modules)
 
 
 def test_the_first_process_compiles_and_says_so_and_later_ones_never_load_the_compiler(tmp_path: Path) -> None:
-    first, second = (in_a_process(USE, tmp_path).communicate(timeout=120) for _ in range(2))
+    first, second = (processes.finish(in_a_process(USE, tmp_path)) for _ in range(2))
     assert first == (f"{LENGTH} True\n", "compiling the inner loops 'brushfire' (once; some seconds)\n")
     assert second == (f"{LENGTH} False\n", "")
 
 
 def test_processes_that_start_at_once_all_get_their_kernels(tmp_path: Path) -> None:
-    processes = [in_a_process(USE, tmp_path) for _ in range(3)]
-    said = [process.communicate(timeout=120) for process in processes]
+    started = [in_a_process(USE, tmp_path) for _ in range(3)]
+    said = [processes.finish(process) for process in started]
     assert [out.split()[0] for out, _ in said] == [LENGTH] * 3, said
     assert not list(tmp_path.rglob(".new-*"))
 
 
 def test_a_damaged_file_is_read_as_none_and_compiled_again(tmp_path: Path) -> None:
-    in_a_process(USE, tmp_path).communicate(timeout=120)
+    processes.finish(in_a_process(USE, tmp_path))
     (path,) = tmp_path.rglob("*.kernels")
     whole = path.read_bytes()
     assert machine_code.read(path)
@@ -108,7 +109,7 @@ def test_a_damaged_file_is_read_as_none_and_compiled_again(tmp_path: Path) -> No
         path.write_bytes(damaged)
         assert machine_code.read(path) is None, position
     path.write_bytes(whole[:-1])
-    out, said = in_a_process(USE, tmp_path).communicate(timeout=120)
+    out, said = processes.finish(in_a_process(USE, tmp_path))
     assert out.split()[0] == LENGTH
     assert "compiling" in said
     assert machine_code.read(path)
@@ -116,7 +117,7 @@ def test_a_damaged_file_is_read_as_none_and_compiled_again(tmp_path: Path) -> No
 
 def test_a_folder_that_cannot_be_written_costs_a_warning(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    out, said = in_a_process(USE, tmp_path / "file").communicate(timeout=120)
+    out, said = processes.finish(in_a_process(USE, tmp_path / "file"))
     assert out.split()[0] == LENGTH
     assert "cannot keep compiled code" in said
 

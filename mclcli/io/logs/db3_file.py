@@ -37,6 +37,8 @@ _COUNT = re.compile(r"^( *)message_count: ([1-9]\d{0,17})\s*$", re.MULTILINE)
 _IDS = "ids count"
 _FARTHEST = 1 << 62  # ids above this are not looked for
 
+_BROKEN = (sqlite3.Error, ValueError)  # an error's own text may be bytes that are no text
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -86,7 +88,7 @@ class _Pass:
             self.harden()
             self.check_tables()
             yield from self.recorded_channels()
-        except (sqlite3.Error, ValueError) as error:
+        except _BROKEN as error:
             yield self.report.lost(0, f"cannot be read as a rosbag2 database ({error})", self.described())
             return
         yield from self.messages()
@@ -104,7 +106,7 @@ class _Pass:
         indexed, described = None, self.described()
         try:
             indexed = self.indexed()
-        except sqlite3.DatabaseError:
+        except _BROKEN:
             yield self.report.lost(0, "the index over times is damaged")
         if indexed is not None and (described is None or indexed >= described or not self.report.hurt):
             return indexed, "file counts"
@@ -115,7 +117,7 @@ class _Pass:
 
     def described(self) -> int | None:
         """Messages that the file's own description counts (since Iron), or that of its folder."""
-        with contextlib.suppress(sqlite3.Error, TypeError):
+        with contextlib.suppress(TypeError, *_BROKEN):
             if self.is_plain("metadata"):
                 query = "SELECT metadata FROM metadata ORDER BY id DESC LIMIT 1"
                 found = _COUNT.findall(str(self.database.execute(query).fetchone()[0]))
@@ -171,7 +173,7 @@ class _Pass:
         for _ in range(_HOLES):
             try:
                 yield from self.rows()
-            except sqlite3.DatabaseError:
+            except _BROKEN:
                 first, before = self.last_id + 1, self.last_ns
                 found = self.next_readable(first)
                 yield self.report.lost(0, "pages of the database are damaged", None, before, found and found[1])
@@ -231,7 +233,7 @@ class _Pass:
         query = "SELECT id, timestamp, data FROM messages WHERE id >= ? ORDER BY id LIMIT 1"
         try:
             row = self.database.execute(query, (number,)).fetchone()
-        except sqlite3.DatabaseError:
+        except _BROKEN:
             return None
         return (row[0], row[1] if type(row[1]) is int else None) if row else (_FARTHEST, None)
 
