@@ -14,7 +14,7 @@ from mclcli.io.recording.roles import RequestedRoles, assign
 from mclcli.motion.differential import DifferentialMotion
 from mclcli.native.backend import COMPILED, NUMPY, Backend
 from mclcli.records import LaserScan
-from mclcli.replay import setup as setup_module
+from mclcli.replay import setup as replay_setup
 from mclcli.replay.setup import describe_extent, prepare
 from mclcli.sensors.instruments import Camera, Lidar
 from mclcli.sensors.likelihood_field import LikelihoodField
@@ -109,7 +109,7 @@ def test_the_job_is_as_large_as_what_is_scored() -> None:
         return NUMPY
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(setup_module, "choose", noted)
+        patch.setattr(replay_setup, "choose", noted)
         prepared(log(*TOPICS), grid=GRID, landmarks=POSTS, settings=settings)
         prepared(log(*TOPICS), landmarks=POSTS, settings=settings, start=start)
     both, blind = sizes
