@@ -79,7 +79,16 @@ def load_settings(
     profile: Profile | None = None,
     model: str | None = None,
 ) -> profiles.Settings:
-    """Settings of a file of parameters, with ``values`` that override those of the file; errors as of ``load``."""
+    """Settings of a file of parameters, mcl's or a robot's, with ``values`` that override those of the file.
+
+    Raises
+    ------
+    UsageError
+        If there is no such file, or it has an unknown parameter or a value that is not allowed.
+    InputError
+        If it is not a file of parameters.
+
+    """
     return settings_of(load(path, profile=profile, model=model), values or {}, profile=profile, model=model)
 
 
