@@ -208,13 +208,16 @@ def _object_code(kernel: str, library: Any) -> bytes:  # noqa: ANN401
     return bytes(code)
 
 
-@functools.cache
 def _digest() -> str:
     import llvmlite.binding as llvm
 
+    return _digest_for(f"{llvm.get_host_cpu_name()} {_processor_features()}")
+
+
+@functools.cache
+def _digest_for(cpu: str) -> str:
     from mclcli.native.versions import installed
 
-    cpu = f"{llvm.get_host_cpu_name()} {_processor_features()}"
     digest = hashlib.sha256(f"{sys.version} {installed('numba')} {installed('llvmlite')} {cpu}".encode())
     here = Path(__file__).parents[1]
     for path in (here / "native/array_gate.py", *sorted((here / "kernels").glob("*.py"))):
