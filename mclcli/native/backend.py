@@ -61,7 +61,7 @@ def load(name: str) -> SimpleNamespace:
 
 def kernel_folder() -> Path:
     """Where the machine code of these kernels, this compiler and this processor belongs."""
-    return cache.cache_root() / f"kernels-{_digest()}"
+    return cache.folder(f"kernels-{_digest()}")
 
 
 def compile_kernels(name: str) -> list[Function]:
