@@ -1,13 +1,17 @@
-"""``python -m mclcli`` is ``mcl``; the entry point, which handles interrupts before anything else is imported."""
+"""``python -m mclcli`` is ``mcl``; the entry point, which sees to streams and signals before any other import."""
 
 from __future__ import annotations
 
 
 def main() -> None:
-    """Run the command line; an interrupt while it is still being imported ends as quietly as any later one."""
+    """Run the command line; a signal while it is still being imported ends it as quietly as any later one."""
     import sys
 
     try:
+        from mclcli import startup
+
+        startup.end_on_signals()
+        startup.secure_streams()
         import warnings
 
         from mclcli.cli import main as start

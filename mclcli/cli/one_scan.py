@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, final
@@ -129,11 +128,12 @@ def pick_one(
 
 
 def _scan_of_text(source: str, mounts: Mapping[str, FloatArray]) -> MountedScan:
-    from mclcli.io.tables.scan_file import parse_scan, read_scan
+    from mclcli.io.tables.scan_file import LIMITS, parse_scan, read_scan
+    from mclcli.io.tables.text_file import read_stdin
 
     if source == "-":
         source = "standard input"
-        scan, mount, base_frame = parse_scan(sys.stdin.buffer.read(), source)
+        scan, mount, base_frame = parse_scan(read_stdin(LIMITS.size), source)
     else:
         scan, mount, base_frame = read_scan(Path(source))
     given = mounts.get(scan.frame_id, mounts.get(""))

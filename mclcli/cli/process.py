@@ -6,29 +6,43 @@ import os
 import signal
 import sys
 import traceback
-from typing import TYPE_CHECKING, NoReturn, final
+from typing import NoReturn, final
 
 import click
 
+from mclcli import startup
 from mclcli.errors import ExitCode, InputError, MclError
 from mclcli.text import clean
-
-if TYPE_CHECKING:
-    from types import FrameType
 
 
 def run(group: click.Group, args: list[str]) -> int:
     """Run the command line; returns the exit code. ``--debug`` shows the traceback as well."""
-    signal.signal(signal.SIGTERM, _terminate)
-    if sys.stdout is None:  # as Python leaves it where the shell closed it (``>&-``)
+    if sys.stdin is None:  # as Python leaves it where the shell closed it (``<&-``)
+        sys.stdin = _ClosedInput()
+    if sys.stdout is None:
         sys.stdout = _ClosedOutput()
     try:
+        return _attempt(group, args)
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        _give_up_output()
+        return 128 + signal.SIGINT
+    except SystemExit:  # a signal
+        _give_up_output()
+        raise
+
+
+def _attempt(group: click.Group, args: list[str]) -> int:
+    """Run the command line and explain what goes wrong; signals may end that as well, and pass through."""
+    try:
+        if args:  # imported while a signal still ends the process at once
+            group.get_command(click.Context(group), args[0])
+        startup.unwind_on_signals()
         # Not group.main(): it turns a closed pipe into exit code 1 before we see it.
         with group.make_context("mcl", args) as context:
             code = group.invoke(context)
         sys.stdout.flush()
-    except (KeyboardInterrupt, click.exceptions.Abort):
-        return 128 + signal.SIGINT
+    except click.exceptions.Abort:
+        raise
     except Exception as error:  # noqa: BLE001 - the last line of defence: no traceback reaches the user
         if "--debug" in args and not isinstance(error, BrokenPipeError | click.exceptions.Exit):
             traceback.print_exc()
@@ -36,6 +50,18 @@ def run(group: click.Group, args: list[str]) -> int:
         _give_up_output()
         return code
     return code if isinstance(code, int) else ExitCode.COMPLETE
+
+
+@final
+class _ClosedInput:
+    """Stands for a standard input that is closed: to read it is an error, all else goes on."""
+
+    closed = True
+
+    @property
+    def buffer(self) -> NoReturn:
+        """Refuse to be read."""
+        raise InputError("standard input: cannot read: it is closed; name a file")
 
 
 @final
@@ -106,9 +132,3 @@ def _click_message(error: click.ClickException) -> str:
     command = error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else "mcl"
     message = error.format_message().rstrip(".")
     return message if "--help`" in message else f"{message}; see `{command} --help`"
-
-
-def _terminate(number: int, frame: FrameType | None) -> NoReturn:
-    """SIGTERM unwinds like an exception, so that outputs are finished or removed."""
-    del frame
-    sys.exit(128 + number)

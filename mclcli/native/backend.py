@@ -144,7 +144,7 @@ def _warn_of_numba(why: str) -> None:
 
 def kernel_folder() -> Path:
     """Where the machine code of these kernels, this compiler and this processor belongs."""
-    return cache.cache_root() / f"kernels-{_digest()}"
+    return cache.folder(f"kernels-{_digest()}")
 
 
 def compile_kernels(name: str) -> list[Function]:

@@ -2,8 +2,8 @@
 
 Importing numba takes longer than most jobs of the compiled loops. A kernel needs nothing of it at run time: its machine
 code is linked by LLVM, and called through a gate that takes NumPy arrays (``mclcli.native.array_gate``). A file is a
-magic line, one line of JSON (names, symbols and arguments of the functions, SHA-256 of them and of the payload)
-and the payload, which is object code.
+magic line, one line of JSON (names, symbols and arguments of the functions, the processor they are for, SHA-256 of all
+that) and the payload: object code.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import contextlib
 import ctypes
 import hashlib
 import json
-import os
 from dataclasses import asdict, dataclass
 from functools import partial
 from types import SimpleNamespace
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _MAGIC = b"mcl machine code\n"
-_MAX_HEADER = 1 << 20
 _DONE = (0, -2)  # numba's return codes for a value and for None
 _ENGINES: list[object] = []  # what owns the code must outlive it
 
@@ -52,7 +50,7 @@ class Function:
 
 
 def write(path: Path, functions: Sequence[Function]) -> None:
-    """Keep functions in a file of the user's own, moved into place whole.
+    """Keep functions for this processor in a file of the user's own, moved into place whole.
 
     Raises
     ------
@@ -62,18 +60,20 @@ def write(path: Path, functions: Sequence[Function]) -> None:
     """
     payload = b"".join(function.code + function.gate for function in functions)
     described = [asdict(f) | {"code": len(f.code), "gate": len(f.gate)} for f in functions]
-    header = json.dumps({"sha256": _digest(described, payload), "functions": described})
-    cache.write_whole(path, [_MAGIC, header.encode(), b"\n", payload])
+    header = {"sha256": _digest(described, payload), "processor": _processor(), "functions": described}
+    cache.write_whole(path, [_MAGIC, json.dumps(header).encode(), b"\n", payload])
 
 
 def read(path: Path) -> list[Function] | None:
-    """Functions of a file; None if there is none, it is not ours, or it is not as it was written."""
+    """Functions of a file; None if there is none, it is for another processor, not ours, or not as it was written."""
     try:
-        with path.open("rb") as file:
-            if not cache.is_ours(os.fstat(file.fileno())) or file.readline(len(_MAGIC)) != _MAGIC:
-                return None
-            header = json.loads(file.readline(_MAX_HEADER))
-            payload = file.read()
+        with cache.open_kept(path) as file:
+            magic, line, payload = file.readall().split(b"\n", 2)
+        if magic + b"\n" != _MAGIC:
+            return None
+        header = json.loads(line)
+        if header["processor"] != _processor():  # files are copied from machine to machine
+            return None
         if header["sha256"] != _digest(header["functions"], payload):
             return None
         return _split(header["functions"], payload)
@@ -81,9 +81,18 @@ def read(path: Path) -> list[Function] | None:
         return None
 
 
-def _digest(described: object, payload: bytes) -> str:
-    """SHA-256 of what is said of the functions and of their code: the wrong arguments are as bad as the wrong code."""
-    return hashlib.sha256(json.dumps(described).encode() + payload).hexdigest()
+def _digest(described: Sequence[dict[str, Any]], payload: bytes) -> str:
+    """SHA-256 of all that a file must hold here: a wrong name or argument is as bad as wrong code."""
+    digest = hashlib.sha256(json.dumps([_processor(), described], sort_keys=True).encode())
+    digest.update(payload)
+    return digest.hexdigest()
+
+
+def _processor() -> str:
+    """Name and features of this processor, without which machine code may end in an illegal instruction."""
+    import llvmlite.binding as llvm
+
+    return f"{llvm.get_host_cpu_name()} {llvm.get_host_cpu_features().flatten()}"
 
 
 def _split(described: Sequence[dict[str, Any]], payload: bytes) -> list[Function]:

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 CASES = 24
 """Of each kind of ending."""
-CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -9}
+CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129, signal.SIGKILL: -9}
 
 
 def cases(seed: int, share: float) -> list[Case]:

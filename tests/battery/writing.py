@@ -141,9 +141,11 @@ def synced() -> Iterator[dict[str, Move]]:
 
     def moving(function: Callable[..., None]) -> Callable[..., None]:
         def move(source: Any, target: Any, **options: Any) -> None:
-            status = os.stat(source)  # noqa: PTH116 - as it is given
+            status = os.stat(source, dir_fd=options.get("src_dir_fd"))
             function(source, target, **options)
-            moves[os.path.realpath(target)] = Move(status.st_size, sizes.get(status.st_ino, -1))
+            folder = options.get("dst_dir_fd")
+            place = target if folder is None else Path(os.readlink(f"/proc/self/fd/{folder}"), target)
+            moves[os.path.realpath(place)] = Move(status.st_size, sizes.get(status.st_ino, -1))
 
         return move
 

@@ -78,7 +78,8 @@ class Table:
 def mcl(*words: object, stdin: bytes = b"") -> Result:
     """Run the command line in this process, and leave the process as it was."""
     arguments = [str(word) for word in words]
-    before, logger = signal.getsignal(signal.SIGTERM), logging.getLogger("mclcli")
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    logger = logging.getLogger("mclcli")
     handlers, level = logger.handlers, logger.level
     with (
         mock.patch.dict(os.environ),
@@ -90,7 +91,8 @@ def mcl(*words: object, stdin: bytes = b"") -> Result:
             sys.stdout.flush()
             sys.stderr.flush()
         finally:
-            signal.signal(signal.SIGTERM, before)
+            for number, handler in before.items():
+                signal.signal(number, handler)
             logger.handlers = handlers
             logger.setLevel(level)
         return Result(code, out.getvalue(), err.getvalue().decode())

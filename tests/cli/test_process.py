@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tests.cli.conftest import Runner
 
 WORDS = ("--map", OFFICE_MAP, "--init", "/initialpose", "--particles", 300)
-INTERRUPTS = [(signal.SIGINT, 130), (signal.SIGTERM, 143)]
+INTERRUPTS = [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)]
 
 
 def names(folder: Path) -> list[str]:

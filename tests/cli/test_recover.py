@@ -201,7 +201,7 @@ def test_rerun_finds_no_fault(tmp_path: Path, name: str) -> None:
     assert done.stdout.count("ok ") == 5, done.stdout
 
 
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_an_interrupt_keeps_what_was_saved(tmp_path: Path, number: signal.Signals, code: int) -> None:
     started = process("recover", "-", "-o", tmp_path / "good.mcap", stdin=subprocess.PIPE)
     stdin = cast("IO[bytes]", started.stdin)

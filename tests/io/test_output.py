@@ -71,6 +71,27 @@ def test_an_interrupt_keeps_a_part_if_asked(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_a_part_never_replaces_a_file(tmp_path: Path) -> None:
+    target = tmp_path / "trace.mcap"
+    (tmp_path / "trace.mcap.part").write_text("the user's")
+    (tmp_path / "trace.mcap.1.part").symlink_to(tmp_path / "nowhere")
+    out = _fail(target, SystemExit, keep_part=True)
+    assert out.kept == tmp_path / "trace.mcap.2.part"
+    assert out.kept.read_text() == "half a"
+    assert (tmp_path / "trace.mcap.part").read_text() == "the user's"
+    assert len(list(tmp_path.iterdir())) == 3
+
+
+@pytest.mark.parametrize("letter", ["n", "é"])
+def test_a_long_name_has_a_part_as_well(tmp_path: Path, letter: str) -> None:
+    name = letter * (255 // len(letter.encode()))
+    first, second = (_fail(tmp_path / name, KeyboardInterrupt, keep_part=True).kept for _ in range(2))
+    assert first is not None
+    assert second is not None
+    assert first != second
+    assert first.name.endswith(".part")
+
+
 def test_symlinks_stay_and_their_target_is_replaced(tmp_path: Path) -> None:
     folder = tmp_path / "far"
     folder.mkdir()

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 import os
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from mclcli import cache
 from mclcli.io.maps.pyramid_cache import cached_pyramid, pyramid_path
 from mclcli.world import distance_field, pyramid
 from tests.worlds import room
@@ -56,12 +54,3 @@ def test_any_damage_is_noticed_and_repaired() -> None:
         path.write_bytes(damaged)
         assert not found()
         assert path.read_bytes() == whole
-
-
-def test_what_belongs_to_another_user_costs_a_warning(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    found()
-    monkeypatch.setattr(cache, "is_ours", lambda _: False)
-    assert not found()
-    assert next(r.getMessage() for r in caplog.records if r.levelno >= logging.WARNING).endswith("going on without")

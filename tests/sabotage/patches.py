@@ -207,8 +207,8 @@ _OUTPUTS = [
     Patch(
         "outputs grow under another name",
         "io/traces/output.py",
-        'final.with_name(f"{stem}.{secrets.token_hex(4)}.part")',
-        'Path(f"{final}{stem[:0]}{secrets.token_hex(4)[:0]}"); final.unlink(missing_ok=True)',
+        'final.with_name(f"{_shortened(final.name)}.{secrets.token_hex(4)}.part")',
+        'Path(f"{final}{secrets.token_hex(4)[:0]}"); final.unlink(missing_ok=True)',
         _WRITES,
     ),
     Patch(
@@ -255,9 +255,9 @@ _OUTPUTS = [
     ),
     Patch(
         "SIGTERM finishes what is written",
-        "cli/process.py",
-        "signal.signal(signal.SIGTERM, _terminate)",
-        "signal.getsignal(signal.SIGTERM)",
+        "startup.py",
+        '(("SIGINT", interrupt), ("SIGTERM", terminate), ("SIGHUP", terminate))',
+        '(("SIGINT", interrupt), ("SIGHUP", terminate))',
         "cli/test_process.py -k interrupted",
     ),
     Patch(
@@ -279,7 +279,7 @@ _OUTPUTS = [
 _CACHES = [
     Patch(
         "what other users put there is not used",
-        "cache.py",
+        "ownership.py",
         'return sys.platform == "win32" or status.st_uid == os.getuid()',
         "return bool(status)",
         _CACHE,
@@ -294,8 +294,8 @@ _CACHES = [
     Patch(
         "the processor is in the key of machine code",
         "native/backend.py",
-        'cpu = f"{llvm.get_host_cpu_name()} {_processor_features()}"',
-        'cpu = f"{llvm.__name__}"',
+        'return _digest_for(f"{llvm.get_host_cpu_name()} {_processor_features()}")',
+        'return _digest_for(f"{llvm.__name__}")',
         _CACHE,
     ),
     Patch(

@@ -77,13 +77,13 @@ def _kind(method: FieldMethod, *, boundary_only: bool, mark_unknown: bool) -> st
 
 def _path(grid: OccupancyGrid, kind: str, max_dist: float) -> Path:
     key = f"{_FORMAT} {grid.digest()} {kind} {max_dist!r}"
-    return cache.cache_root() / "fields" / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.field"
+    return cache.folder("fields") / f"{hashlib.sha256(key.encode()).hexdigest()[:32]}.field"
 
 
 def _load(path: Path, grid: OccupancyGrid, kind: str, max_dist: float) -> DistanceField | None:
     """Field of a cache file, or None if there is none, it is not ours, or anything in it does not fit."""
     try:
-        with path.open("rb", buffering=0) as file:
+        with cache.open_kept(path) as file:
             return _read(file, grid, kind, max_dist)
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None
@@ -93,7 +93,7 @@ def _read(file: FileIO, grid: OccupancyGrid, kind: str, max_dist: float) -> Dist
     """The same of an open file. It is read, not mapped: a file that shrinks under a map would end the process."""
     status = os.fstat(file.fileno())
     start = file.read(HEADER)
-    if not cache.is_ours(status) or not start.startswith(_MAGIC) or not start.endswith(b"\n"):
+    if not start.startswith(_MAGIC) or not start.endswith(b"\n"):
         return None
     header = json.loads(start[len(_MAGIC) :])
     codes, levels = np.empty(grid.cells.shape, _code_type(header["code_type"])), np.empty(header["levels"], "<f8")

@@ -29,7 +29,7 @@ _FORMAT = 2
 
 def pyramid_path(field: DistanceField) -> Path:
     """Where the pyramid of this field belongs."""
-    return cache.cache_root() / "fields" / f"{_digest(field)[:32]}.pyramid"
+    return cache.folder("fields") / f"{_digest(field)[:32]}.pyramid"
 
 
 def cached_pyramid(field: DistanceField) -> tuple[Pyramid, bool]:
@@ -57,9 +57,9 @@ def _load(path: Path, digest: str, layout: IntArray) -> Pyramid | None:
     """Pyramid of a cache file, or None if there is none, it is not ours, or anything in it does not fit."""
     pool = np.empty(pyramid.size_of(layout), np.uint8)
     try:
-        with path.open("rb", buffering=0) as file:
+        with cache.open_kept(path) as file:
             status, start, hashed = os.fstat(file.fileno()), file.read(HEADER), hashlib.sha256()
-            if not cache.is_ours(status) or status.st_size != HEADER + pool.nbytes:
+            if status.st_size != HEADER + pool.nbytes:
                 return None
             if not read_into(pool, file, hashed) or start != _header(digest, hashed.hexdigest()):
                 return None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import math
-import sys
 from array import array
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
@@ -14,7 +13,7 @@ import numpy as np
 
 from mclcli.errors import InputError, UsageError
 from mclcli.geometry import se2
-from mclcli.io.tables.text_file import decode, read_bytes, refuse_stand_ins
+from mclcli.io.tables.text_file import decode, read_bytes, read_stdin, refuse_stand_ins
 from mclcli.quantity import parse_quantity
 from mclcli.text import clean
 
@@ -68,10 +67,7 @@ def read_poses(source: str | Path) -> tuple[FloatArray, tuple[str, ...], list[tu
 def read_table(source: str | Path, units: Mapping[str, str], optional: Iterable[str] = ()) -> Table:
     """Read a CSV file, or standard input for ``-``; see ``parse_table``. UsageError if there is no such file."""
     if str(source) == "-":
-        data = sys.stdin.buffer.read(MAX_BYTES + 1)
-        if len(data) > MAX_BYTES:
-            raise InputError(f"standard input: is longer than {MAX_BYTES} bytes, the most that is read; split it")
-        return parse_table(data, "standard input", units, optional)
+        return parse_table(read_stdin(MAX_BYTES), "standard input", units, optional)
     return parse_table(read_bytes(source, MAX_BYTES), str(source), units, optional)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import stat
+import sys
 from pathlib import Path
 
 from mclcli.errors import InputError, UsageError
@@ -42,6 +43,17 @@ def read_bytes(path: str | Path, limit: int) -> bytes:
             f"{path}: is longer than {limit} bytes, the most that is read; check that it is the right file"
         )
     refuse_stand_ins(data, str(path))
+    return data
+
+
+def read_stdin(limit: int) -> bytes:
+    """Standard input to its end. InputError if it cannot be read, or is longer than ``limit`` bytes."""
+    try:
+        data = sys.stdin.buffer.read(limit + 1)
+    except OSError as error:
+        raise InputError(f"standard input: cannot read: {error.strerror or error}; name a file") from error
+    if len(data) > limit:
+        raise InputError(f"standard input: is longer than {limit} bytes, the most that is read; check it")
     return data
 
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-import sys
 from decimal import Decimal
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, final
@@ -17,7 +16,7 @@ import numpy as np
 from mclcli.errors import InputError, UsageError
 from mclcli.geometry import se2
 from mclcli.geometry.trajectory import in_order
-from mclcli.io.tables.text_file import refuse_stand_ins
+from mclcli.io.tables.text_file import read_stdin, refuse_stand_ins
 from mclcli.io.traces.sinks import COVARIANCE_COLUMNS, NANOSECONDS, require_finite, stamp_text
 
 if TYPE_CHECKING:
@@ -27,6 +26,7 @@ if TYPE_CHECKING:
     from mclcli.io.traces.sinks import TextSink
     from mclcli.records import TrackPoint
 
+_MAX_BYTES = 1 << 28  # of standard input
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
 _MAX_NS = 2**63 - 1
 _CSV_COLUMNS = ("stamp", "x", "y", "yaw")
@@ -106,7 +106,7 @@ class _Row(NamedTuple):
 def _lines(source: str | Path) -> list[tuple[int, str]]:
     """Lines that are neither empty nor comments, with their numbers from 1."""
     if str(source) == "-":
-        data = sys.stdin.buffer.read()
+        data = read_stdin(_MAX_BYTES)
     else:
         try:
             data = Path(source).read_bytes()

@@ -115,7 +115,10 @@ class Output:
             raise self._failure(error) from error
 
     def allow_part(self) -> None:
-        """Let an interrupt keep the file as ``NAME.part``: what was written is complete in its format."""
+        """Let an interrupt keep the file as ``NAME.part``: what was written is complete in its format.
+
+        Where that name is taken it is ``NAME.1.part``, and so on: no file of the user's is ever replaced by half a one.
+        """
         self._keep_part = True
 
     def keep(self, *, as_part: bool) -> Path | None:
@@ -152,8 +155,7 @@ class Output:
 
     def _open_temporary(self) -> None:
         final = Path(self._name).resolve()
-        stem = os.fsdecode(os.fsencode(final.name)[:200])  # leaves room within the 255 bytes of a name
-        self._temporary = final.with_name(f"{stem}.{secrets.token_hex(4)}.part")
+        self._temporary = final.with_name(f"{_shortened(final.name)}.{secrets.token_hex(4)}.part")
         # 0666 with O_EXCL: the umask decides the mode, as for a plain open(), and nobody's file is taken over.
         handle = os.open(self._temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         self._file = open(handle, "wb", buffering=1 << 16)  # noqa: PTH123, SIM115 - closed by _close
@@ -162,11 +164,10 @@ class Output:
 
     def _move(self, temporary: Path, *, as_part: bool) -> None:
         final = Path(self._name).resolve()
-        self.kept = final.with_name(f"{final.name}.part") if as_part else final
         try:
             os.fsync(self._opened().fileno())
             self._close()
-            temporary.replace(self.kept)
+            self.kept = _move_to_part(temporary, final) if as_part else temporary.replace(final)
         except OSError as error:
             raise self._failure(error) from error
         self._temporary = None
@@ -192,6 +193,29 @@ class Output:
         with suppress(OSError, ValueError):  # everything that matters was flushed before
             if file is not None:
                 file.flush() if self._name == "-" else file.close()
+
+
+def _move_to_part(temporary: Path, final: Path) -> Path:
+    """Move a file to ``NAME.part``, or to a name with a number where that is taken, and return its path."""
+    number, path = 0, final.with_name(f"{_shortened(final.name)}.part")
+    while True:
+        try:
+            os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600))  # taken, without a race
+            break
+        except FileExistsError:
+            number += 1
+            path = final.with_name(f"{_shortened(final.name)}.{number}.part")
+    try:
+        return temporary.replace(path)
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
+
+
+def _shortened(name: str) -> str:
+    """Leave room for an ending within the 255 bytes of a name."""
+    raw = os.fsencode(name)
+    return name if len(raw) <= 235 else os.fsdecode(raw[:200])
 
 
 def _status(name: str) -> os.stat_result | None:
