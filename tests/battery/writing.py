@@ -144,7 +144,7 @@ def synced() -> Iterator[dict[str, Move]]:
             status = os.stat(source, dir_fd=options.get("src_dir_fd"))
             function(source, target, **options)
             folder = options.get("dst_dir_fd")
-            place = target if folder is None else Path(os.readlink(f"/proc/self/fd/{folder}"), target)
+            place = target if folder is None else Path(f"/proc/self/fd/{folder}").readlink() / target
             moves[os.path.realpath(place)] = Move(status.st_size, sizes.get(status.st_ino, -1))
 
         return move
