@@ -1,0 +1,89 @@
+"""Adding something is one file and one line in a registry: a toy of each kind (``tests/toys``), used as users would."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+
+from mclcli.errors import UsageError
+from mclcli.settings import profiles
+from tests.cli.support import OFFICE, OFFICE_MAP, REFERENCE_MAP, ROOT, Result, Table, single_error
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+LIDAR = "from mclcli.sensors.models import LIDAR_MODELS; LIDAR_MODELS['toy'] = 'tests.toys.lidar_model:TOY'"
+
+
+def mcl(line: str, *words: object) -> Result:
+    """Run mcl, as a process of its own, with one line more in a registry."""
+    code = f"{line}; from mclcli.__main__ import main; main()"
+    done = subprocess.run(
+        [sys.executable, "-c", code, *map(str, words)], cwd=ROOT, capture_output=True, check=False, timeout=120
+    )
+    return Result(done.returncode, done.stdout, done.stderr.decode())
+
+
+def good(line: str, *words: object) -> str:
+    """What mcl writes to standard output where all is well."""
+    done = mcl(line, *words)
+    assert done.code == 0, done.err
+    return done.out.decode()
+
+
+SCORE = ("score", "samples/reference_set1.yaml", "--map", REFERENCE_MAP)
+RUN = ("run", OFFICE, "--map", OFFICE_MAP, "--init", "0,0,0", "--duration", "2", "--particles", "50", "-q")
+LOCATE = ("locate", OFFICE, "--map", OFFICE_MAP, "--index", "0", "-q")
+
+
+def test_a_lidar_model_scores() -> None:
+    words = (*SCORE, "--model", "toy", "--pose", "1.5,2,0", "--temperature", "1", "-q")
+    near, far = (Table(good(LIDAR, *words, "--set", f"stiffness={k}"))["log_lidar"][0] for k in (0.1, 0.3))
+    assert near < 0.0
+    assert far == pytest.approx(3.0 * near)
+    rows = Table(good(LIDAR, *words, "--explain"))
+    assert set(rows.texts("log_p")) == {"-0.625"}
+
+
+def test_a_lidar_model_runs_and_its_map_is_searched() -> None:
+    track = Table(good(LIDAR, *RUN, "--model", "toy", "--track", "-"))
+    assert len(track.rows) > 1
+    assert mcl(LIDAR, *LOCATE, "--model", "toy") == mcl(LIDAR, *LOCATE)
+
+
+def test_a_lidar_model_has_parameters_by_profile(tmp_path: Path) -> None:
+    assert "likelihood_field_prob|beam|toy" in good(LIDAR, "run", "--help").replace("\n", "").replace(" ", "")
+    for form in ("mcl", "nav2"):
+        for profile, stiffness in (("textbook", "0.25"), ("nav2", "0.5")):
+            text = good(LIDAR, "params", "--model", "toy", "--profile", profile, "--format", form)
+            assert (f"stiffness: {stiffness}" in text) == (form == "mcl")  # the other leaves defaults out
+            assert "sigma_hit" not in text
+            file = tmp_path / "params.yaml"
+            file.write_text(text)
+            again = good(LIDAR, "params", "--params", file, "--format", form)
+            assert again == text
+            assert "model: toy" in text.replace('"', "")
+    assert "stiffness" not in good(LIDAR, "params")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--model", "toys"), "toy"),
+        (("--model", "toy", "--set", "stiffnes=1"), "stiffness"),
+        (("--model", "toy", "--set", "stiffness=-1"), "at least 0"),
+    ],
+)
+def test_what_a_lidar_model_does_not_have_is_said_plainly(words: tuple[str, ...], said: str) -> None:
+    for command in (("params",), (*SCORE, "--pose", "1.5,2,0"), RUN):
+        assert said in single_error(mcl(LIDAR, *command, *words), 2)
+
+
+def test_unknown_names_are_refused_by_the_library_as_well() -> None:
+    with pytest.raises(UsageError, match=r"model 'beams': must be one of .* beam"):
+        profiles.build({}, model="beams")
+    with pytest.raises(UsageError, match="profile 'nav': must be one of"):
+        profiles.build({}, profile="nav")  # type: ignore[arg-type]
