@@ -16,6 +16,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 LIDAR = "from mclcli.sensors.models import LIDAR_MODELS; LIDAR_MODELS['toy'] = 'tests.toys.lidar_model:TOY'"
+RESAMPLER = (
+    "from mclcli.filter.resampling import RESAMPLERS; from tests.toys.resampler import likeliest; "
+    "RESAMPLERS['toy'] = likeliest"
+)
 
 
 def mcl(line: str, *words: object) -> Result:
@@ -87,3 +91,12 @@ def test_unknown_names_are_refused_by_the_library_as_well() -> None:
         profiles.build({}, model="beams")
     with pytest.raises(UsageError, match="profile 'nav': must be one of"):
         profiles.build({}, profile="nav")  # type: ignore[arg-type]
+
+
+def test_a_resampler_draws_the_particles_of_a_run() -> None:
+    words = (*RUN, "--set", "resample_ess=1", "--steps", "-")
+    likeliest = Table(good(RESAMPLER, *words, "--set", "resampler=toy"))
+    usual = Table(good(RESAMPLER, *words))
+    assert likeliest.rows != usual.rows
+    assert "resampler: toy" in good(RESAMPLER, "params", "--set", "resampler=toy")
+    assert "multinomial, toy" in single_error(mcl(RESAMPLER, *RUN, "--set", "resampler=toys"), 2)
