@@ -20,6 +20,7 @@ RESAMPLER = (
     "from mclcli.filter.resampling import RESAMPLERS; from tests.toys.resampler import likeliest; "
     "RESAMPLERS['toy'] = likeliest"
 )
+OUTPUT = "from mclcli.io.traces.formats import OUTPUTS; OUTPUTS['trace']['.toy'] = 'tests.toys.output:TOY'"
 
 
 def mcl(line: str, *words: object) -> Result:
@@ -100,3 +101,15 @@ def test_a_resampler_draws_the_particles_of_a_run() -> None:
     assert likeliest.rows != usual.rows
     assert "resampler: toy" in good(RESAMPLER, "params", "--set", "resampler=toy")
     assert "multinomial, toy" in single_error(mcl(RESAMPLER, *RUN, "--set", "resampler=toys"), 2)
+
+
+def test_an_output_takes_the_points_of_a_run(tmp_path: Path) -> None:
+    track = Table(good(OUTPUT, *RUN, "-o", tmp_path / "x.toy", "--track", "-"))
+    frame, points, transforms = (tmp_path / "x.toy").read_text().split()
+    assert (frame, int(points)) == ("map", len(track.rows))
+    assert int(transforms) > 0
+    assert ".mcap, .toy, or -" in " ".join(good(OUTPUT, "run", "--help").split())
+    refused = single_error(mcl(OUTPUT, *RUN, "-o", tmp_path / "x.toys"), 2)
+    assert "must end in .csv or .csv.gz or .mcap or .toy" in refused
+    assert "must end in .csv or .tum" in single_error(mcl(OUTPUT, *RUN, "--track", tmp_path / "x.toy"), 2)
+    assert [path.name for path in tmp_path.iterdir()] == ["x.toy"]
