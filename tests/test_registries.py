@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ import pytest
 from mclcli.errors import UsageError
 from mclcli.settings import profiles
 from tests.cli.support import OFFICE, OFFICE_MAP, REFERENCE_MAP, ROOT, Result, Table, single_error
+from tests.toys import container
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,6 +23,10 @@ RESAMPLER = (
     "RESAMPLERS['toy'] = likeliest"
 )
 OUTPUT = "from mclcli.io.traces.formats import OUTPUTS; OUTPUTS['trace']['.toy'] = 'tests.toys.output:TOY'"
+CONTAINER = (
+    "from mclcli.io.logs.sniff import CONTAINERS, Kind; "
+    "CONTAINERS[b'TOYLOG'] = Kind('a toy', ('.toy',), 'tests.toys.container:ToyFile')"
+)
 
 
 def mcl(line: str, *words: object) -> Result:
@@ -113,3 +119,22 @@ def test_an_output_takes_the_points_of_a_run(tmp_path: Path) -> None:
     assert "must end in .csv or .csv.gz or .mcap or .toy" in refused
     assert "must end in .csv or .tum" in single_error(mcl(OUTPUT, *RUN, "--track", tmp_path / "x.toy"), 2)
     assert [path.name for path in tmp_path.iterdir()] == ["x.toy"]
+
+
+def test_a_container_is_read_by_its_first_bytes(tmp_path: Path) -> None:
+    file, other = tmp_path / "some.name", tmp_path / "folder"
+    file.write_bytes(container.MAGIC + b"1 2\n3 4\n")
+    other.mkdir()
+    (other / "x.toy").write_bytes(file.read_bytes())
+    for log in (file, other):
+        said = json.loads(good(CONTAINER, "info", log, "--json"))
+        assert [(topic["topic"], topic["messages"], topic["problem"]) for topic in said["topics"]] == [
+            ("/poses", 2, "")
+        ]
+    whole = good(CONTAINER, "recover", file, "-o", tmp_path / "x.mcap", "-q")
+    assert whole == ""
+    assert '"toy log"' in good(CONTAINER, "info", file, "--json")
+    file.write_bytes(b"TOILOG")
+    assert "nor a ROS 1 bag, nor a toy)" in single_error(mcl(CONTAINER, "info", file), 1)
+    (other / "x.toy").unlink()
+    assert "(no .mcap, .db3, .bag or .toy file)" in single_error(mcl(CONTAINER, "info", other), 1)

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
 
     from mclcli.io.logs.base import Damage
+    from mclcli.io.logs.source import Origin
 
 _ROWS = 256  # messages fetched at a time
 _HOLES = 200  # damaged places that are walked around before giving up
@@ -36,6 +37,12 @@ _SPARSE = 2  # ids of which more than half is missing count nothing
 _COUNT = re.compile(r"^( *)message_count: ([1-9]\d{0,17})\s*$", re.MULTILINE)
 _IDS = "ids count"
 _FARTHEST = 1 << 62  # ids above this are not looked for
+
+
+def open_db3(source: str, start: Origin) -> Db3File:
+    """Container for a file; SQLite opens it itself."""
+    assert start.path is not None  # noqa: S101 - it is not read from pipes
+    return Db3File(source, start.path, start.counted)
 
 
 @final
