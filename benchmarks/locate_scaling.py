@@ -50,7 +50,9 @@ def main() -> None:
     for size in (1000, 2000, 4000):
         grid = tiled(size)
         began = time.process_time()
-        model = LikelihoodField(distance_field.compute(grid, "exact", 2.0), profiles.build({}).likelihood_field)
+        model = LikelihoodField(
+            distance_field.compute(grid, "exact", 2.0), profiles.build({}).lidars["likelihood_field"]
+        )
         search = make_global_search(grid, model, profiles.build({}), pyramid.build)
         prepared = time.process_time() - began
         for beams in (90, 180, 720):

@@ -20,7 +20,7 @@ from mclcli.io.maps.map_yaml import load_map
 from mclcli.native.backend import COMPILED, load
 from mclcli.sensors.beams import Beams
 from mclcli.sensors.bearing import BearingModel, BearingParameters, Bearings
-from mclcli.sensors.models import LIDAR_MODELS
+from mclcli.sensors.models import lidar_entry
 from mclcli.settings import profiles
 from mclcli.world import distance_field
 
@@ -161,8 +161,8 @@ def rows() -> list[tuple[str, str, str]]:
     found = []
     for name, (model, changes, plain) in CASES.items():
         settings = profiles.build(changes, model=model)
-        entry = LIDAR_MODELS[model]
-        lidar = entry.make(seen.grid, getattr(settings, entry.group), distance_field.compute, COMPILED, 1)
+        entry = lidar_entry(model)
+        lidar = entry.make(seen.grid, settings.lidars[entry.group], distance_field.compute, COMPILED, 1)
         score = lidar.measure("lidar", seen.beams).log_likelihood
         found.append(row(name, score, partial(plain, seen, metres), seen.poses, count))
     rng = np.random.default_rng(1)

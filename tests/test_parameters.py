@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mclcli.cli import options
 from mclcli.errors import UsageError
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
@@ -186,12 +185,11 @@ def test_every_profile_has_every_model_and_names_only_what_exists(profile: Profi
 
 def test_parameters_of_another_lidar_model_are_passed_over() -> None:
     assert "lambda_short" not in profiles.build({"lambda_short": 0.3}).values()
-    assert profiles.build({"lambda_short": 0.3}, model="beam").beam.lambda_short == 0.3
+    assert profiles.build({"lambda_short": 0.3}, model="beam").lidars["beam"].lambda_short == 0.3
 
 
-def test_the_command_line_offers_the_profiles_and_models_that_there_are() -> None:
+def test_the_command_line_offers_the_profiles_that_there_are() -> None:
     assert tuple(profiles.PROFILES) == get_args(Profile)
-    assert tuple(profiles.MODELS) == options.MODEL_NAMES
 
 
 def test_a_models_own_parameters_are_checked_without_the_table() -> None:

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, final, get_args
 import click
 
 from mclcli.cli.parse import parse_at, parse_mounts, parse_settings, parse_temperature
+from mclcli.sensors.models import LIDAR_MODELS
 from mclcli.settings import Profile
 
 if TYPE_CHECKING:
@@ -27,9 +28,6 @@ if TYPE_CHECKING:
 Command = TypeVar("Command", bound="Callable[..., Any]")
 Options = TypeVar("Options")
 Result = TypeVar("Result")
-
-# As in mclcli.settings.profiles, which costs too much to import for --help; a test compares them.
-MODEL_NAMES = ("likelihood_field", "likelihood_field_prob", "beam")
 
 
 def into(kind: Callable[..., Options]) -> Callable[[Callable[[Options], Result]], Callable[..., Result]]:
@@ -184,7 +182,7 @@ parameters = together(
     ),
     click.option(
         "--model",
-        type=click.Choice(MODEL_NAMES),
+        type=click.Choice(tuple(LIDAR_MODELS)),
         help="Lidar model.  [default: likelihood_field, or what --params says]",
     ),
     click.option(

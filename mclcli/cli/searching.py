@@ -33,9 +33,8 @@ def global_search(
     alpha: Temperature = "auto",
     limits: Limits | None = None,
 ) -> GlobalSearch:
-    """The search that the settings ask for; with the beam model, the likelihood field finds what that model weighs."""
-    if settings.model == "beam":
-        settings = dataclasses.replace(settings, model="likelihood_field")
+    """The search that the settings ask for; whatever the model, a likelihood field finds."""
+    settings = dataclasses.replace(settings, model="likelihood_field")
     model = lidar_model(grid, settings, lambda *what, **how: cached_field(*what, **how)[0])
     assert isinstance(model, LikelihoodField)  # noqa: S101 - that is what the model was set to
     return finder.make_global_search(

@@ -158,7 +158,8 @@ def make_global_search(
     """Make a map ready for searches: ``model`` is its likelihood field."""
     limits = limits or Limits()
     model = scene.for_search(model)
-    rays = BeamModel(make_caster(grid, ray_unknown=settings.beam.ray_unknown), _censored(settings))
+    asked: BeamParameters = settings.lidars["beam"]
+    rays = BeamModel(make_caster(grid, ray_unknown=asked.ray_unknown), _censored(settings))
     allowed = scene.allowed_cells(grid, settings.search.base_cells, limits.region, limits.disc)
     ready = Scene(
         model,
@@ -173,8 +174,9 @@ def make_global_search(
 
 def _censored(settings: Settings) -> BeamParameters:
     """The beam model that looks at the foremost places: the one asked for if it is a density, else the default."""
-    if settings.model == "beam" and settings.beam.beam_form == "textbook":
-        return dataclasses.replace(settings.beam, no_return="censored")
+    asked: BeamParameters = settings.lidars["beam"]
+    if settings.model == "beam" and asked.beam_form == "textbook":
+        return dataclasses.replace(asked, no_return="censored")
     return BeamParameters(no_return="censored")
 
 

@@ -14,7 +14,7 @@ from mclcli.records import LandmarkSightings, LaserScan, PixelSightings
 from mclcli.replay.loop import Setup
 from mclcli.sensors.bearing import BearingModel
 from mclcli.sensors.instruments import Camera, Lidar
-from mclcli.sensors.models import LIDAR_MODELS
+from mclcli.sensors.models import lidar_entry
 from mclcli.settings import profiles
 from mclcli.world import distance_field
 
@@ -110,7 +110,7 @@ def prepare(
     scored = (*(roles.scan[:1] if grid else ()), *(roles.vision if landmarks else ()))
     if backend is None:
         beams = _readings(survey, scored, settings)
-        is_compiled = grid is not None and LIDAR_MODELS[settings.model].compiled
+        is_compiled = grid is not None and lidar_entry(settings.model).compiled
         backend = COMPILED if is_compiled else choose(settings.kld.max_particles * beams, rounds=beams)
     instruments = {
         **_lidars(roles, grid, settings, temperature or {}, make_field, backend, threads),
@@ -164,8 +164,8 @@ def lidar_model(
         If no cell of the map is occupied: every pose would score the same.
 
     """
-    entry = LIDAR_MODELS[settings.model]
-    model = entry.make(grid, getattr(settings, entry.group), make_field, backend, threads)
+    entry = lidar_entry(settings.model)
+    model = entry.make(grid, settings.lidars[entry.group], make_field, backend, threads)
     _require_obstacles(grid)
     return model
 

@@ -9,8 +9,6 @@ import math
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal, final
 
-import numpy as np
-
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -45,4 +43,6 @@ class Measurement:
 
 def floored_log(p: FloatArray, floor: float) -> FloatArray:
     """log max(p, floor): keeps one impossible reading from ruling out a pose."""
+    import numpy as np  # here, so that the names of the models cost nothing
+
     return np.log(np.maximum(p, floor))

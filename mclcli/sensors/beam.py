@@ -18,16 +18,22 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli.native.backend import load
+from mclcli.native.backend import NUMPY, Backend, load
 from mclcli.sensors import Measurement, beam_forms, endpoints, floored_log
+from mclcli.sensors.beam_forms import BeamParameters
+from mclcli.sensors.explain import COMPONENTS, Explanation
+from mclcli.sensors.models import Entry
+from mclcli.world.raycast import make_caster
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mclcli.arrays import FloatArray
     from mclcli.sensors import Temperature
-    from mclcli.sensors.beam_forms import BeamParameters, Components
+    from mclcli.sensors.beam_forms import Components
     from mclcli.sensors.beams import Beams
+    from mclcli.sensors.models import FieldMaker
+    from mclcli.world.occupancy import OccupancyGrid
     from mclcli.world.raycast import RayCaster
 
 _IN_A_ROW = 512  # beams that the kernel goes through at a time, of one pose or of several
@@ -134,3 +140,73 @@ class BeamModel:
 def _without_nan(beams: Beams) -> Beams:
     there = ~np.isnan(beams.ranges)
     return beams if there.all() else beams.subset(there)
+
+
+def make_beam_model(
+    grid: OccupancyGrid,
+    parameters: BeamParameters,
+    make_field: FieldMaker | None = None,
+    backend: Backend = NUMPY,
+    threads: int = 1,
+) -> BeamModel:
+    """Beam mixture over a map; it needs no distance field, and has no loops in NumPy."""
+    del make_field, backend
+    caster = make_caster(grid, method=parameters.raycast, ray_unknown=parameters.ray_unknown)
+    return BeamModel(caster, parameters, threads)
+
+
+def explain_beams(model: BeamModel, beams: Beams, pose: FloatArray) -> list[Explanation]:
+    """Every beam of a beam mixture, at one pose (3,)."""
+    expected = model.expected(beams, pose[np.newaxis])[0]
+    parts = model.components(beams.ranges, expected, beams.r_max)
+    log_p = model.log_p(beams.ranges, expected, beams.r_max)
+    angles = np.arctan2(beams.directions[:, 1], beams.directions[:, 0])
+    shares = np.broadcast_arrays(parts.hit, parts.short, parts.max, parts.rand, expected)[:4]
+    rows = zip(beams.indices, angles, beams.ranges, expected, np.transpose(shares), log_p, strict=True)
+    return [
+        Explanation(
+            str(i),
+            float(a),
+            float(r),
+            float(e),
+            float(r - e),
+            dict(zip(COMPONENTS, s.tolist(), strict=True)),
+            float(lp),
+        )
+        for i, a, r, e, s, lp in rows
+    ]
+
+
+# nav2_amcl and Beluga share these defaults; they sum to 1.1.
+_SHARES: dict[str, float | str] = {
+    "z_hit": 0.5,
+    "z_short": 0.05,
+    "z_max": 0.05,
+    "z_rand": 0.5,
+    "weights_sum_to_1": "no",
+}
+BEAM = Entry(
+    group="beam",
+    parameters=BeamParameters,
+    source="section 6.3.1",
+    make=make_beam_model,
+    explain=explain_beams,
+    profiles={
+        "textbook": {"max_range": "no_return"},
+        "nav2": {
+            **_SHARES,
+            "combination": "one_plus_cubes",
+            "beam_form": "nav2",
+            "raycast": "bresenham_nav2",
+            "max_range": "as_read",
+        },
+        "beluga": {
+            **_SHARES,
+            "combination": "cubes",
+            "beam_form": "beluga",
+            "raycast": "bresenham_beluga",
+            "beam_origin": "base",
+        },
+    },
+    compiled=True,
+)

@@ -1,4 +1,7 @@
-"""Why a pose scores what it scores: beam by beam and landmark by landmark."""
+"""Why a pose scores what it scores: a row of a beam or a landmark, and those of landmarks.
+
+The rows of beams are made beside each lidar model.
+"""
 
 from __future__ import annotations
 
@@ -9,14 +12,11 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry import se2
-from mclcli.sensors import bearing, likelihood_field
+from mclcli.sensors import bearing
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
-    from mclcli.sensors.beam import BeamModel
-    from mclcli.sensors.beams import Beams
     from mclcli.sensors.bearing import BearingModel, Bearings
-    from mclcli.sensors.likelihood_field import LikelihoodField
 
 COMPONENTS = ("hit", "short", "max", "rand")
 
@@ -39,44 +39,6 @@ class Explanation:
     error: float | None
     shares: dict[str, float]
     log_p: float
-
-
-def explain_field(model: LikelihoodField, beams: Beams, pose: FloatArray) -> list[Explanation]:
-    """Every beam of a likelihood field that ends somewhere, at one pose (3,)."""
-    beams = beams.with_return()
-    distance = model.distances(beams, pose[np.newaxis])[0]
-    p = model.likelihood(distance, beams.r_max)
-    distance = np.minimum(distance, model.field.max_dist)
-    rand = model.parameters.z_rand / beams.r_max
-    log_p = np.log(np.maximum(p, likelihood_field.FLOOR))
-    angles = np.arctan2(beams.directions[:, 1], beams.directions[:, 0])
-    rows = zip(beams.indices, angles, beams.ranges, distance, p, log_p, strict=True)
-    return [
-        Explanation(str(i), float(a), float(r), None, float(d), {"hit": float(q) - rand, "rand": rand}, float(lp))
-        for i, a, r, d, q, lp in rows
-    ]
-
-
-def explain_beams(model: BeamModel, beams: Beams, pose: FloatArray) -> list[Explanation]:
-    """Every beam of a beam mixture, at one pose (3,)."""
-    expected = model.expected(beams, pose[np.newaxis])[0]
-    parts = model.components(beams.ranges, expected, beams.r_max)
-    log_p = model.log_p(beams.ranges, expected, beams.r_max)
-    angles = np.arctan2(beams.directions[:, 1], beams.directions[:, 0])
-    shares = np.broadcast_arrays(parts.hit, parts.short, parts.max, parts.rand, expected)[:4]
-    rows = zip(beams.indices, angles, beams.ranges, expected, np.transpose(shares), log_p, strict=True)
-    return [
-        Explanation(
-            str(i),
-            float(a),
-            float(r),
-            float(e),
-            float(r - e),
-            dict(zip(COMPONENTS, s.tolist(), strict=True)),
-            float(lp),
-        )
-        for i, a, r, e, s, lp in rows
-    ]
 
 
 def explain_bearings(model: BearingModel, bearings: Bearings, pose: FloatArray) -> list[Explanation]:

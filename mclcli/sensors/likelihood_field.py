@@ -23,14 +23,18 @@ from mclcli.parameters import YesNo, parameter, validate
 from mclcli.sensors import Measurement, endpoints, floored_log
 from mclcli.sensors.beam_skipping import BeamSkipping, kept_beams
 from mclcli.sensors.endpoints import Anchoring
+from mclcli.sensors.explain import Explanation
 from mclcli.sensors.interpolated_field import Law, sum_interpolated
+from mclcli.sensors.models import Entry
 from mclcli.world import FieldMethod
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
     from mclcli.sensors import Temperature
     from mclcli.sensors.beams import Beams
+    from mclcli.sensors.models import FieldMaker
     from mclcli.world.distance_field import Codes, DistanceField
+    from mclcli.world.occupancy import OccupancyGrid
 
 FLOOR = 1e-12
 _MOST_LOOKED_UP = 2**25  # codes of poses·beams
@@ -278,3 +282,51 @@ class LikelihoodField:
 def _single(values: FloatArray) -> FloatArray:
     """Values rounded to single precision."""
     return values.astype(np.float32).astype(np.float64)
+
+
+def make_field_model(
+    grid: OccupancyGrid,
+    parameters: LikelihoodFieldParameters,
+    make_field: FieldMaker,
+    backend: Backend = NUMPY,
+    threads: int = 1,
+) -> LikelihoodField:
+    """Likelihood field over a map; ``make_field`` computes, or finds, the distance field."""
+    field = make_field(
+        grid,
+        parameters.field_method,
+        parameters.laser_likelihood_max_dist,
+        boundary_only=parameters.obstacles == "boundary",
+        mark_unknown=parameters.field_unknown == "uniform",
+    )
+    return LikelihoodField(field, parameters, backend, threads)
+
+
+def explain_field(model: LikelihoodField, beams: Beams, pose: FloatArray) -> list[Explanation]:
+    """Every beam of a likelihood field that ends somewhere, at one pose (3,)."""
+    beams = beams.with_return()
+    distance = model.distances(beams, pose[np.newaxis])[0]
+    p = model.likelihood(distance, beams.r_max)
+    distance = np.minimum(distance, model.field.max_dist)
+    rand = model.parameters.z_rand / beams.r_max
+    log_p = np.log(np.maximum(p, FLOOR))
+    angles = np.arctan2(beams.directions[:, 1], beams.directions[:, 0])
+    rows = zip(beams.indices, angles, beams.ranges, distance, p, log_p, strict=True)
+    return [
+        Explanation(str(i), float(a), float(r), None, float(d), {"hit": float(q) - rand, "rand": rand}, float(lp))
+        for i, a, r, d, q, lp in rows
+    ]
+
+
+_CUBES = {"combination": "one_plus_cubes"}
+FIELD = Entry(
+    group="likelihood_field",
+    parameters=LikelihoodFieldParameters,
+    source="table 6.3; nav2_amcl",
+    make=make_field_model,
+    explain=explain_field,
+    profiles={"nav2": _CUBES, "beluga": _CUBES},
+)
+PROB = dataclasses.replace(
+    FIELD, profiles={"nav2": {"beam_subsampling": "stride_ceil"}, "beluga": {"obstacles": "occupied"}}
+)

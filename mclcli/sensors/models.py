@@ -1,21 +1,19 @@
-"""Lidar models by name, as ``--model`` and nav2's ``laser_model_type`` have them."""
+"""Lidar models by name, as ``--model`` has them: a file a model, and a line here.
+
+The file is named as text and imported when the model is asked for, so that ``--help`` can list the names at no cost.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final, final
-
-from mclcli.native.backend import NUMPY, Backend
-from mclcli.sensors.beam import BeamModel
-from mclcli.sensors.beam_forms import BeamParameters
-from mclcli.sensors.explain import explain_beams, explain_field
-from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
-from mclcli.world.raycast import make_caster
+from dataclasses import dataclass, field
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, final
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
 
     from mclcli.arrays import FloatArray
+    from mclcli.native.backend import Backend
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.explain import Explanation
     from mclcli.sensors.instruments import LidarModel
@@ -25,59 +23,38 @@ if TYPE_CHECKING:
     FieldMaker = Callable[..., DistanceField]
     Maker = Callable[[OccupancyGrid, Any, FieldMaker, Backend, int], LidarModel]
     Explainer = Callable[[Any, Beams, FloatArray], list[Explanation]]
+    Changes = Mapping[str, Mapping[str, float | str]]
+
+LIDAR_MODELS: dict[str, str] = {
+    "likelihood_field": "mclcli.sensors.likelihood_field:FIELD",
+    "likelihood_field_prob": "mclcli.sensors.likelihood_field:PROB",
+    "beam": "mclcli.sensors.beam:BEAM",
+}
+"""Where the ``Entry`` of each model stands, as ``module:name``."""
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A lidar model in the registry.
+    """What there is to know of a lidar model.
 
-    ``group`` names its ``parameters`` among those of ``settings.profiles``. ``make`` builds it over a map, with a
-    maker of distance fields, the backend of its loops and the threads to share them; ``explain`` gives a row per beam
-    at one pose (3,). A model whose loops are ``compiled`` in any case leaves a job no choice.
+    ``group`` names its ``parameters`` among those of ``settings.profiles``, ``source`` is where they come from, and
+    ``profiles`` what a profile changes of them, and of all others, for this model alone. ``make`` builds it over a map,
+    with a maker of distance fields, the backend of its loops and the threads to share them; ``explain`` gives a row per
+    beam at one pose (3,). A model whose loops are ``compiled`` in any case leaves a job no choice.
     """
 
     group: str
     parameters: type[Any]
+    source: str
     make: Maker
     explain: Explainer
+    profiles: Changes = field(default_factory=dict)
     compiled: bool = False
 
 
-def make_field_model(
-    grid: OccupancyGrid,
-    parameters: LikelihoodFieldParameters,
-    make_field: FieldMaker,
-    backend: Backend = NUMPY,
-    threads: int = 1,
-) -> LikelihoodField:
-    """Likelihood field over a map; ``make_field`` computes, or finds, the distance field."""
-    field = make_field(
-        grid,
-        parameters.field_method,
-        parameters.laser_likelihood_max_dist,
-        boundary_only=parameters.obstacles == "boundary",
-        mark_unknown=parameters.field_unknown == "uniform",
-    )
-    return LikelihoodField(field, parameters, backend, threads)
-
-
-def make_beam_model(
-    grid: OccupancyGrid,
-    parameters: BeamParameters,
-    make_field: FieldMaker | None = None,
-    backend: Backend = NUMPY,
-    threads: int = 1,
-) -> BeamModel:
-    """Beam mixture over a map; it needs no distance field, and has no loops in NumPy."""
-    del make_field, backend
-    caster = make_caster(grid, method=parameters.raycast, ray_unknown=parameters.ray_unknown)
-    return BeamModel(caster, parameters, threads)
-
-
-_FIELD: Final = Entry("likelihood_field", LikelihoodFieldParameters, make_field_model, explain_field)
-LIDAR_MODELS: Final[dict[str, Entry]] = {
-    "likelihood_field": _FIELD,
-    "likelihood_field_prob": _FIELD,
-    "beam": Entry("beam", BeamParameters, make_beam_model, explain_beams, compiled=True),
-}
+def lidar_entry(name: str) -> Entry:
+    """Entry of a lidar model of ``LIDAR_MODELS``."""
+    module, _, attribute = LIDAR_MODELS[name].partition(":")
+    entry: Entry = getattr(import_module(module), attribute)
+    return entry

@@ -15,14 +15,12 @@ from mclcli.motion.odometry import OdometryParameters
 from mclcli.parameters import Description, check_value, described, parameter, validate
 from mclcli.quantity import parse_quantity
 from mclcli.search.parameters import SearchParameters
-from mclcli.sensors.beam_forms import BeamParameters
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingParameters
-from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
-from mclcli.sensors.models import LIDAR_MODELS
+from mclcli.sensors.models import LIDAR_MODELS, lidar_entry
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
 
     from mclcli.settings import Profile
 
@@ -49,7 +47,10 @@ class FrameParameters:
 @final
 @dataclass(frozen=True, slots=True)
 class Settings:
-    """All parameters of a run, a group per part of the filter, and whose defaults they started from."""
+    """All parameters of a run, a group per part of the filter, and whose defaults they started from.
+
+    ``lidars`` are the groups of the lidar models, by name (``sensors.models.Entry.group``).
+    """
 
     profile: Profile
     model: str
@@ -59,15 +60,16 @@ class Settings:
     motion: MotionParameters
     odometry: OdometryParameters
     beams: BeamSelection
-    likelihood_field: LikelihoodFieldParameters
-    beam: BeamParameters
+    lidars: dict[str, Any]
     bearing: BearingParameters
     search: SearchParameters
     frames: FrameParameters
 
     def values(self) -> dict[str, Value]:
         """Effective value of every parameter, in the table's order."""
-        groups = [getattr(self, name) for name in active_groups(self.model)]
+        groups = [
+            self.lidars[name] if name in self.lidars else getattr(self, name) for name in active_groups(self.model)
+        ]
         return {field.name: getattr(group, field.name) for group in groups for field in fields(group)}
 
     def as_file(self) -> dict[str, Value]:
@@ -75,6 +77,7 @@ class Settings:
         return {"profile": self.profile, "model": self.model, **self.values()}
 
 
+_LIDARS = {name: lidar_entry(name) for name in LIDAR_MODELS}
 GROUPS: dict[str, type[Any]] = {
     "filter": FilterParameters,
     "kld": KldParameters,
@@ -82,8 +85,7 @@ GROUPS: dict[str, type[Any]] = {
     "motion": MotionParameters,
     "odometry": OdometryParameters,
     "beams": BeamSelection,
-    "likelihood_field": LikelihoodFieldParameters,
-    "beam": BeamParameters,
+    **{entry.group: entry.parameters for entry in _LIDARS.values()},
     "bearing": BearingParameters,
     "search": SearchParameters,
     "frames": FrameParameters,
@@ -97,17 +99,16 @@ SOURCES: dict[str, str] = {
     "motion": "table 5.6; nav2_amcl",
     "odometry": "mcl's own",
     "beams": "nav2_amcl, Beluga",
-    "likelihood_field": "table 6.3; nav2_amcl",
-    "beam": "section 6.3.1",
+    **{entry.group: entry.source for entry in _LIDARS.values()},
     "bearing": "sections 6.3.1, 6.6.2",
     "search": "mclcli.search; Hess et al. 2016, section V",
     "frames": "REP 105; nav2_amcl",
 }
 # Lidar models, and the group that each has its parameters in.
-MODELS = {name: entry.group for name, entry in LIDAR_MODELS.items()}
+MODELS = {name: entry.group for name, entry in _LIDARS.items()}
 
-# What a profile changes of the textbook's defaults, for all models and for one. Beluga's and nav2's differences are
-# described, with their sources, in docs/models.md.
+# What a profile changes of the textbook's defaults for all models; what it changes for one stands beside that model.
+# Beluga's and nav2's differences are described, with their sources, in docs/models.md.
 _ALPHAS: dict[str, Value] = {f"alpha{i}": 0.2 for i in range(1, 6)}
 _NO_RECOVERY: dict[str, Value] = {"recovery": "uniform", "recovery_alpha_slow": 0.0, "recovery_alpha_fast": 0.0}
 _NAV2: dict[str, Value] = {
@@ -157,35 +158,10 @@ _BELUGA: dict[str, Value] = {
     **_NO_RECOVERY,
     "recovery_rule": "normalised",
 }
-_CUBES: dict[str, Value] = {"combination": "one_plus_cubes"}
-# nav2_amcl and Beluga share these defaults; they sum to 1.1.
-_BEAM: dict[str, Value] = {"z_hit": 0.5, "z_short": 0.05, "z_max": 0.05, "z_rand": 0.5, "weights_sum_to_1": "no"}
-_NAV2_BEAM: dict[str, Value] = {
-    **_BEAM,
-    **_CUBES,
-    "beam_form": "nav2",
-    "raycast": "bresenham_nav2",
-    "max_range": "as_read",
-}
-_BELUGA_BEAM: dict[str, Value] = {
-    **_BEAM,
-    "combination": "cubes",
-    "beam_form": "beluga",
-    "raycast": "bresenham_beluga",
-    "beam_origin": "base",
-}
+_EVERYWHERE: dict[Profile, dict[str, Value]] = {"textbook": {}, "nav2": _NAV2, "beluga": _BELUGA}
 PROFILES: dict[Profile, dict[str, dict[str, Value]]] = {
-    "textbook": {"likelihood_field": {}, "likelihood_field_prob": {}, "beam": {"max_range": "no_return"}},
-    "nav2": {
-        "likelihood_field": {**_NAV2, **_CUBES},
-        "likelihood_field_prob": {**_NAV2, "beam_subsampling": "stride_ceil"},
-        "beam": {**_NAV2, **_NAV2_BEAM},
-    },
-    "beluga": {
-        "likelihood_field": {**_BELUGA, **_CUBES},
-        "likelihood_field_prob": {**_BELUGA, "obstacles": "occupied"},
-        "beam": {**_BELUGA, **_BELUGA_BEAM},
-    },
+    profile: {name: {**changes, **entry.profiles.get(profile, {})} for name, entry in _LIDARS.items()}
+    for profile, changes in _EVERYWHERE.items()
 }
 
 
@@ -210,9 +186,11 @@ def build(values: Mapping[str, object], *, profile: Profile = "textbook", model:
     Raises
     ------
     UsageError
-        For an unknown name (naming the nearest), or a value of the wrong kind or out of bounds.
+        For an unknown profile, model or parameter (naming the nearest), or a value of the wrong kind or out of bounds.
 
     """
+    _check_word("profile", profile, PROFILES)
+    _check_word("model", model, MODELS)
     known = {name: (group, default, description) for group, name, default, description in table(model)}
     elsewhere = {name for _, name, _, _ in table()}
     chosen: dict[str, dict[str, Value]] = {group: {} for group in GROUPS}
@@ -224,7 +202,14 @@ def build(values: Mapping[str, object], *, profile: Profile = "textbook", model:
             raise UsageError(f"unknown parameter '{name}'{hint or '; `mcl params` lists them all'}")
         group, default, description = known[name]
         chosen[group][name] = read_value(name, value, default, description)
-    return Settings(profile, model, **{group: parameters(**chosen[group]) for group, parameters in GROUPS.items()})
+    groups = {group: parameters(**chosen[group]) for group, parameters in GROUPS.items()}
+    lidars = {group: groups.pop(group) for group in MODELS.values() if group in groups}
+    return Settings(profile, model, lidars=lidars, **groups)
+
+
+def _check_word(what: str, word: str, known: Collection[str]) -> None:
+    if word not in known:
+        raise UsageError(f"{what} '{word}': must be one of {', '.join(known)}{nearest_name(word, list(known))}")
 
 
 def spelled_out(values: Mapping[str, object]) -> dict[str, object]:

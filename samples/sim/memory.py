@@ -83,7 +83,7 @@ def setup(
     """Setup that tracks the robot from where the operator said it was."""
     settings = settings or build_settings({})
     grid = grid_of(recording.scenario.mapped)
-    parameters = settings.likelihood_field
+    parameters = settings.lidars["likelihood_field"]
     field = distance_field.compute(grid, "exact", parameters.laser_likelihood_max_dist)
     fields: Mapping[str, Any] = {
         "localizer": Localizer(

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mclcli.sensors import beams
-from mclcli.sensors.models import make_beam_model
+from mclcli.sensors.beam import make_beam_model
 from mclcli.world.raycast import make_caster
 from tests.golden.lasers import CASES, SETS, grid_of, laser_case, numbers, read, settings_of, worst
 
@@ -45,7 +45,9 @@ def test_nav2_weighs_like_the_original(note: Note, name: str, parameters: str) -
     settings = settings_of("nav2_laser.json", name, parameters, "nav2", "beam")
     selected = beams.select(case.scan, case.base_from_laser, settings.beams)
     assert selected.indices.tolist() == wanted["beam_indices_contributing"]
-    found = make_beam_model(case.grid, settings.beam).measure("lidar", selected).log_likelihood(case.particles)
+    found = (
+        make_beam_model(case.grid, settings.lidars["beam"]).measure("lidar", selected).log_likelihood(case.particles)
+    )
     expected = numbers(wanted["log_factor"])
     assert note("nav2_laser.json", "beam", worst(found, expected), expected.size) <= TOLERANCE
 
@@ -59,7 +61,9 @@ def test_beluga_weighs_like_the_original(note: Note, name: str, parameters: str)
         beams.select(case.scan, case.base_from_laser, settings.beams), wanted["points_base_frame"]
     )
     assert selected.indices.tolist() == wanted["beam_indices_contributing"]
-    found = make_beam_model(case.grid, settings.beam).measure("lidar", selected).log_likelihood(case.particles)
+    found = (
+        make_beam_model(case.grid, settings.lidars["beam"]).measure("lidar", selected).log_likelihood(case.particles)
+    )
     expected = numbers(wanted["beam"]["log_factor"])
     assert note("beluga_laser.json", "beam", worst(found, expected), expected.size) <= TOLERANCE
 

@@ -38,7 +38,7 @@ def chosen(case: LaserCase, settings: Settings) -> Beams:
 
 
 def log_likelihood(case: LaserCase, settings: Settings, field: DistanceField) -> FloatArray:
-    model = LikelihoodField(field, settings.likelihood_field)
+    model = LikelihoodField(field, settings.lidars["likelihood_field"])
     return model.measure("lidar", chosen(case, settings)).log_likelihood(case.particles)
 
 
@@ -49,7 +49,7 @@ def test_nav2_weighs_like_the_original(note: Note, name: str, parameters: str, m
     """On an exact field, on nav2's own field, and with the same beams."""
     case, wanted = laser_case(name), read("nav2_laser.json")["cases"][name][parameters]
     settings = settings_of("nav2_laser.json", name, parameters, "nav2", model)
-    max_dist = settings.likelihood_field.laser_likelihood_max_dist
+    max_dist = settings.lidars["likelihood_field"].laser_likelihood_max_dist
     assert chosen(case, settings).indices.tolist() == wanted[model]["beam_indices_contributing"]
     exact = wanted[f"{model}_exact_edt"]
     expected = numbers(exact["log_factor"]) if "log_factor" in exact else np.log(numbers(exact["factor"]))
@@ -72,7 +72,9 @@ def test_nav2_skips_the_same_beams(note: Note, name: str, parameters: str, varia
     wanted = read("nav2_laser.json")["cases"][name][parameters][f"likelihood_field_prob_{variant}"]
     settings = settings_of("nav2_laser.json", name, parameters, "nav2", "likelihood_field_prob")
     selected = chosen(case, settings)
-    field = nav2_field(read("cases.json")["cases"][name]["map"], settings.likelihood_field.laser_likelihood_max_dist)
+    field = nav2_field(
+        read("cases.json")["cases"][name]["map"], settings.lidars["likelihood_field"].laser_likelihood_max_dist
+    )
     rule = BeamSkipping(
         wanted["beam_skip_distance"],
         wanted["beam_skip_threshold"],
@@ -93,7 +95,7 @@ def test_nav2_skips_the_same_beams(note: Note, name: str, parameters: str, varia
         mask = np.zeros(len(wanted["beam_slot_mask"]), dtype=bool)
         mask[slots[kept]] = True
         assert mask.tolist() == [bool(value) for value in wanted["beam_slot_mask"]]
-    model = LikelihoodField(field, settings.likelihood_field)
+    model = LikelihoodField(field, settings.lidars["likelihood_field"])
     found = worst(model.measure("lidar", selected.subset(kept)).log_likelihood(poses), log_factor)
     assert note("nav2_laser.json", "beam skipping, masks identical", found, log_factor.size) <= TOLERANCE
 
@@ -119,7 +121,7 @@ def test_beluga_weighs_like_the_original(note: Note, name: str, parameters: str)
         ("likelihood_field_prob", "likelihood_field_prob", "likelihood_field_prob_exact_edt", {}),
     ):
         settings = settings_of("beluga_laser.json", name, parameters, "beluga", model, **changes)
-        p = settings.likelihood_field
+        p = settings.lidars["likelihood_field"]
         selected = chosen(case, settings)
         assert selected.indices.tolist() == wanted["beam_indices_contributing"]
         field = exact_field(

@@ -47,7 +47,7 @@ def test_the_defaults_with_comments_are_read_back(tmp_path: Path) -> None:
 def test_numbers_without_a_point_are_numbers(tmp_path: Path) -> None:
     (tmp_path / "p.yaml").write_text("z_hit: 5e-1\nsigma_bearing: 3deg\nmax_beams: 30\n")
     settings = profiles.build(values_of(tmp_path / "p.yaml"))
-    assert settings.likelihood_field.z_hit == 0.5
+    assert settings.lidars["likelihood_field"].z_hit == 0.5
     assert settings.bearing.sigma_bearing == pytest.approx(0.05235987755982989)
     assert settings.beams.max_beams == 30
 

@@ -79,7 +79,7 @@ def finder_for(
 ) -> GlobalSearch:
     """The search over a map."""
     settings = settings or profiles.build({})
-    model = LikelihoodField(distance_field.compute(grid, "exact", 2.0), settings.likelihood_field)
+    model = LikelihoodField(distance_field.compute(grid, "exact", 2.0), settings.lidars["likelihood_field"])
     return finder.make_global_search(
         grid, model, settings, pyramid.build, limits=limits, landmarks=landmarks, alpha=alpha
     )

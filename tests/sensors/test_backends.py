@@ -14,7 +14,7 @@ from mclcli.sensors.beam_forms import BeamParameters
 from mclcli.sensors.beams import Beams
 from mclcli.sensors.bearing import BearingModel, BearingParameters, Bearings
 from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
-from mclcli.sensors.models import LIDAR_MODELS
+from mclcli.sensors.models import lidar_entry
 from mclcli.world import distance_field
 from mclcli.world.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from tests.support import BACKENDS
@@ -83,7 +83,7 @@ def assert_same_bits(models: list[LidarModel], seen: Beams, poses: FloatArray = 
 
 
 def fields(parameters: LikelihoodFieldParameters, yaw: float = 0.3) -> list[LidarModel]:
-    entry = LIDAR_MODELS["likelihood_field"]
+    entry = lidar_entry("likelihood_field")
     return [entry.make(grid(yaw), parameters, distance_field.compute, backend, 1) for backend in BACKENDS]
 
 
@@ -138,7 +138,7 @@ def test_maps_of_a_cell_or_a_row(shape: tuple[int, int], lookup: FieldLookup) ->
 @pytest.mark.parametrize("switch", switches(BeamParameters), ids=lambda s: f"{s[0]}={s[1]}")
 def test_the_beam_mixture_has_one_way_only(switch: tuple[str, Any]) -> None:
     name, value = switch
-    parameters, entry = BeamParameters(**({name: value} if name else {})), LIDAR_MODELS["beam"]
+    parameters, entry = BeamParameters(**({name: value} if name else {})), lidar_entry("beam")
     assert entry.compiled
     models = [entry.make(grid(), parameters, distance_field.compute, backend, 1) for backend in BACKENDS]
     poses = POSES[np.isfinite(POSES).all(axis=1) & (np.abs(POSES) < 1e3).all(axis=1)]

@@ -16,7 +16,7 @@ from mclcli.geometry import se2, se3
 from mclcli.native.backend import NUMPY
 from mclcli.sensors import beams
 from mclcli.sensors.likelihood_field import LikelihoodField
-from mclcli.sensors.models import LIDAR_MODELS
+from mclcli.sensors.models import LIDAR_MODELS, lidar_entry
 from mclcli.settings import profiles
 from mclcli.world import distance_field
 from mclcli.world.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -51,9 +51,9 @@ class Variant(NamedTuple):
 
     def over(self, origin: Any = ORIGIN) -> LidarModel:
         """The model over the map."""
-        entry, chosen = LIDAR_MODELS[self.model], self.chosen
+        entry, chosen = lidar_entry(self.model), self.chosen
         grid = OccupancyGrid(CELLS, RESOLUTION, np.array(origin, dtype=np.float64))
-        return entry.make(grid, getattr(chosen, entry.group), distance_field.compute, NUMPY, 1)
+        return entry.make(grid, chosen.lidars[entry.group], distance_field.compute, NUMPY, 1)
 
     def beams(self, scan: LaserScan, mount: FloatArray = MOUNT) -> Beams:
         """The beams that it scores."""
@@ -203,12 +203,12 @@ def test_every_finite_pose_has_a_finite_score(
 def test_explanations_add_up_to_the_score(variant: Variant, index: int) -> None:
     seen = variant.beams(scan_of(RANGES))
     model, pose = variant.over(), POSES[index]
-    rows = LIDAR_MODELS[variant.model].explain(model, seen, pose)
+    rows = lidar_entry(variant.model).explain(model, seen, pose)
     assert [int(row.name) for row in rows] == seen.indices.tolist()
     p = np.array([sum(row.shares.values()) for row in rows])
     logs = np.array([row.log_p for row in rows])
     np.testing.assert_allclose(logs, np.log(np.maximum(p, 1e-12)), rtol=0, atol=1e-6)
-    group = getattr(variant.chosen, LIDAR_MODELS[variant.model].group)
+    group = variant.chosen.lidars[lidar_entry(variant.model).group]
     combined = {"log": logs.sum(), "one_plus_cubes": math.log1p((p**3).sum()), "cubes": math.log((p**3).sum())}
     score = model.measure("lidar", seen).log_likelihood(pose[np.newaxis])[0]
     assert score == pytest.approx(combined[group.combination], abs=1e-6)

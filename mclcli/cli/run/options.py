@@ -12,6 +12,7 @@ from mclcli.cli import options
 from mclcli.cli.parse import parse_at
 from mclcli.errors import UsageError
 from mclcli.filter import Recovery
+from mclcli.io.traces.formats import endings
 from mclcli.quantity import parse_quantity
 
 if TYPE_CHECKING:
@@ -111,14 +112,14 @@ run_options = options.all_of(
         "traces",
         multiple=True,
         metavar="TRACE",
-        help="Weight trace: .csv, .csv.gz, .mcap, or - for CSV on stdout; repeatable.",
+        help=f"Weight trace: {endings('trace')}, or - for CSV on stdout; repeatable.",
     ),
     click.option(
         "--track",
         "tracks",
         multiple=True,
         metavar="FILE",
-        help="A pose per scan: .csv, .tum, or - for CSV on stdout; repeatable.",
+        help=f"A pose per scan: {endings('track')}, or - for CSV on stdout; repeatable.",
     ),
     click.option("--steps", metavar="FILE", help="A row per update, CSV; - is stdout."),
     click.option("--picture", metavar="F.png", help="Draw map, track, reference and final particles."),

@@ -3,20 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import re
 import sys
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 from mclcli.cli import console
 from mclcli.errors import UsageError
 from mclcli.geometry.trajectory import Track
-from mclcli.io.tables.tum import TumWriter
+from mclcli.io.traces.formats import OUTPUTS, About, format_of
 from mclcli.io.traces.output import Output, open_output
-from mclcli.io.traces.trace_csv import StepsCsv, TraceCsv
-from mclcli.io.traces.track_csv import TrackCsv
 from mclcli.version import __version__
 
 if TYPE_CHECKING:
@@ -26,8 +24,7 @@ if TYPE_CHECKING:
 
     from mclcli.cli.run.options import RunOptions
     from mclcli.io.recording.recording import Recording
-    from mclcli.io.traces.sinks import RecordWriter
-    from mclcli.io.traces.trace_mcap import TraceMcap
+    from mclcli.io.traces.formats import Role, Writer
     from mclcli.records import StepRecord, TrackPoint, Transform
     from mclcli.replay.loop import Setup
     from mclcli.settings.profiles import Settings
@@ -57,20 +54,27 @@ class Outputs:
         self.track = Track(whole=bool(options.picture or options.truth or options.versus))
         self.last_step: StepRecord | None = None
         self._targets = _targets(options)
-        self._recording, self._setup, self._grid, self._inputs = recording, setup, grid, inputs
-        self._settings = settings
-        self._metadata = _metadata(options, recording, setup, settings, grid, landmarks)
+        self._inputs = inputs
+        self._about = About(
+            metadata=_metadata(options, recording, setup, settings, grid, landmarks),
+            parameters_yaml=partial(_parameters_yaml, settings),
+            sensors=[instrument.name for instrument in setup.instruments.values()],
+            grid=grid,
+            odom_frame=setup.odom_frame,
+            base_frame=setup.base_frame,
+            map_frame=settings.frames.global_frame_id,
+            static_transforms=tuple(recording.survey.statics.values()),
+            backend=setup.localizer.backend,
+        )
         self._stack = ExitStack()
         self._opened: list[Output] = []
-        self._points: list[RecordWriter[TrackPoint]] = []
-        self._steps: list[RecordWriter[StepRecord]] = []
-        self._mcaps: list[TraceMcap] = []
-        self._mcap_files: list[Output] = []
+        self._writers: list[Writer] = []
+        self._whole: list[Output] = []
 
     @property
     def keeps_transforms(self) -> bool:
         """Whether a trace passes the recorded transforms on."""
-        return any(target.endswith(".mcap") for role, target in self._targets if role == "trace")
+        return any(writer.transforms is not None for writer in self._writers)
 
     def __enter__(self) -> Self:
         try:
@@ -85,12 +89,10 @@ class Outputs:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
-            for points in self._points:
-                points.close()
-            for steps in self._steps:
-                steps.close()
-            for trace_file in self._mcap_files:
-                trace_file.allow_part()
+            for writer in self._writers:
+                writer.close()
+            for output in self._whole:
+                output.allow_part()
         except BaseException:
             self._stack.__exit__(*sys.exc_info())
             raise
@@ -101,58 +103,37 @@ class Outputs:
     def write(self, point: TrackPoint) -> None:
         """Write one point everywhere it belongs."""
         self.track.append(point)
-        for points in self._points:
-            points.write(point)
         if point.step is not None:
             self.last_step = point.step
-            for steps in self._steps:
-                steps.write(point.step)
+        for writer in self._writers:
+            writer.write(point)
 
     def pass_on(self, transforms: tuple[Transform, ...]) -> None:
         """Copy one recorded message of transforms into the traces that keep them."""
         moving = [transform for transform in transforms if not transform.static]
-        if moving:
-            for trace in self._mcaps:
-                trace.transforms(moving[0].stamp_ns, moving)
+        for writer in self._writers if moving else ():
+            if writer.transforms is not None:
+                writer.transforms(moving[0].stamp_ns, moving)
 
-    def _open(self, role: str, target: str) -> None:
-        binary = target.endswith(".mcap")
-        stream = self._stack.enter_context(open_output(target, binary=binary, inputs=self._inputs))
-        self._opened.append(stream)
-        sensors = [instrument.name for instrument in self._setup.instruments.values()]
-        if binary:
-            self._mcaps.append(self._mcap(stream))
-            self._mcap_files.append(stream)
-            self._points.append(self._mcaps[-1])
-        elif role == "trace":
-            self._steps.append(TraceCsv(stream, self._metadata, sensors=sensors, backend=self._setup.localizer.backend))
-        elif role == "steps":
-            self._steps.append(StepsCsv(stream, sensors=sensors))
-        else:
-            self._points.append(TumWriter(stream) if target.endswith(".tum") else TrackCsv(stream))
-
-    def _mcap(self, stream: Output) -> TraceMcap:
-        from mclcli.io.tables.params_yaml import format_params
-        from mclcli.io.traces.trace_mcap import TraceMcap
-
-        return TraceMcap(
-            stream,
-            grid=self._grid,
-            metadata={
-                key: value if isinstance(value, str) else json.dumps(value) for key, value in self._metadata.items()
-            },
-            parameters_yaml=format_params(self._settings.as_file()),
-            odom_frame=self._setup.odom_frame,
-            base_frame=self._setup.base_frame,
-            map_frame=self._settings.frames.global_frame_id,
-            static_transforms=tuple(self._recording.survey.statics.values()),
-            backend=self._setup.localizer.backend,
-        )
+    def _open(self, role: Role, target: str) -> None:
+        form = format_of(role, target)
+        output = self._stack.enter_context(open_output(target, binary=form.binary, inputs=self._inputs))
+        self._opened.append(output)
+        self._writers.append(form.make(output, self._about))
+        if form.stays_whole:
+            self._whole.append(output)
 
 
-def _targets(options: RunOptions) -> list[tuple[str, str]]:
+def _parameters_yaml(settings: Settings) -> str:
+    from mclcli.io.tables.params_yaml import format_params
+
+    return format_params(settings.as_file())
+
+
+def _targets(options: RunOptions) -> list[tuple[Role, str]]:
     """Role and name of every output; the track on stdout if none is named and stdout is not a terminal."""
-    targets = [("trace", name) for name in options.traces] + [("track", name) for name in options.tracks]
+    targets: list[tuple[Role, str]] = [("trace", name) for name in options.traces]
+    targets += [("track", name) for name in options.tracks]
     if options.steps:
         targets.append(("steps", options.steps))
     for role, name in targets:
@@ -168,8 +149,8 @@ def _targets(options: RunOptions) -> list[tuple[str, str]]:
     return targets
 
 
-def _check_suffix(role: str, name: str) -> None:
-    allowed = {"trace": (".csv", ".csv.gz", ".mcap"), "track": (".csv", ".tum"), "steps": (".csv",)}[role]
+def _check_suffix(role: Role, name: str) -> None:
+    allowed = tuple(OUTPUTS[role])
     special = name == "-" or name.startswith(("/dev/", "/proc/"))
     if not special and not name.endswith(allowed):
         option = {"trace": "-o", "track": "--track", "steps": "--steps"}[role]

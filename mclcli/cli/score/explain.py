@@ -15,7 +15,7 @@ from mclcli.io.traces.sinks import csv_text
 from mclcli.sensors import beams, bearing
 from mclcli.sensors.explain import COMPONENTS, Explanation, explain_bearings
 from mclcli.sensors.instruments import Camera, Lidar
-from mclcli.sensors.models import LIDAR_MODELS
+from mclcli.sensors.models import lidar_entry
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -64,7 +64,7 @@ def _explain(
 ) -> list[Explanation]:
     if isinstance(instrument, Lidar):
         selected = beams.select(reading, mount, instrument.selection)  # type: ignore[arg-type]
-        return LIDAR_MODELS[model].explain(instrument.model, selected, pose)
+        return lidar_entry(model).explain(instrument.model, selected, pose)
     seen = bearing.observe(reading, mount, instrument.landmarks)  # type: ignore[arg-type]
     return explain_bearings(instrument.model, seen, pose)
 

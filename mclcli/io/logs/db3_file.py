@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Generator, Iterator
 
     from mclcli.io.logs.base import Damage
+    from mclcli.io.logs.source import Origin
 
 _ROWS = 256  # messages fetched at a time
 _HOLES = 200  # damaged places that are walked around before giving up
@@ -38,6 +39,12 @@ _IDS = "ids count"
 _FARTHEST = 1 << 62  # ids above this are not looked for
 
 _BROKEN = (sqlite3.Error, ValueError)  # an error's own text may be bytes that are no text
+
+
+def open_db3(source: str, start: Origin) -> Db3File:
+    """Container for a file; SQLite opens it itself."""
+    assert start.path is not None  # noqa: S101 - it is not read from pipes
+    return Db3File(source, start.path, start.counted)
 
 
 @final

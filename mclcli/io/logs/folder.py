@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 from mclcli.errors import InputError
 from mclcli.io.logs.base import Damage
+from mclcli.io.logs.sniff import CONTAINERS
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 _METADATA_LIMIT = 1 << 24  # bytes of metadata.yaml that are looked at
-_KINDS = (".mcap", ".db3", ".bag", ".active")
 
 
 def counts_of(folder: Path) -> dict[str, int]:
@@ -37,7 +37,10 @@ def files_of(folder: Path) -> tuple[list[Path], list[Damage]]:
     found = [(name, _locate(folder, name)) for name in listed]
     files = [path for _, path in found if path is not None] or _by_name(folder)
     if not files:
-        raise InputError(f"{folder.name}: folder holds no log (no .mcap, .db3 or .bag file); name the log itself")
+        *most, last = (kind.endings[0] for kind in CONTAINERS.values())
+        raise InputError(
+            f"{folder.name}: folder holds no log (no {', '.join(most)} or {last} file); name the log itself"
+        )
     gone = [name for name, path in found if path is None]
     return files, [Damage(folder.name, 0, f"{name}, listed in metadata.yaml, is not there") for name in gone]
 
@@ -72,8 +75,9 @@ def _locate(folder: Path, name: str) -> Path | None:
 
 def _by_name(folder: Path) -> list[Path]:
     files = sorted((path for path in folder.iterdir() if path.is_file()), key=_natural)
-    of_kind = ([path for path in files if path.name.removesuffix(".zstd").endswith(kind)] for kind in _KINDS)
-    return next((some for some in of_kind if some), [])
+    endings = (ending for kind in CONTAINERS.values() for ending in kind.endings)
+    of_ending = ([path for path in files if path.name.removesuffix(".zstd").endswith(ending)] for ending in endings)
+    return next((some for some in of_ending if some), [])
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:

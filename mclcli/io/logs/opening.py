@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import sys
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 from mclcli.errors import InputError, UsageError
 from mclcli.io.logs.log import Log, unreadable
 from mclcli.io.logs.sniff import HEAD, kind_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from mclcli.io.logs.base import Container, Damage
-    from mclcli.io.logs.source import ByteSource
+    from mclcli.io.logs.sniff import Kind
+    from mclcli.io.logs.source import ByteSource, Origin
+
+
+class Opener(Protocol):
+    """Makes the container of one kind."""
+
+    def __call__(self, source: str, start: Origin, /) -> Container:
+        """Container of the bytes at ``start``, called ``source`` before the user; nothing is read yet."""
+        ...
 
 
 def open_log(paths: Sequence[Path | str], *, stdin: BinaryIO | None = None) -> Log:
@@ -61,7 +71,7 @@ def _file(path: Path, counted: int | None) -> Container:
     """Container for a file; ``counted`` messages stand in it, says its folder's metadata.yaml, if that says so."""
     with path.open("rb") as stream:
         kind = kind_of(stream.read(HEAD), path.name)
-    if kind != "zstd":
+    if kind is not None:
         return _container(kind, path.name, path, counted)
     from mclcli.io.logs.zstd_file import ZstdFile, first_bytes
 
@@ -69,29 +79,21 @@ def _file(path: Path, counted: int | None) -> Container:
     if not head:
         raise InputError(f"{path.name}: does not decompress (zstd); copy it again")
     inner = kind_of(head, path.name)
-    if inner == "zstd":
+    if inner is None:
         raise InputError(f"{path.name}: is compressed twice; unpack it first")
     return ZstdFile(path.name, path, lambda plain: _container(inner, path.name, plain, counted))
 
 
-def _container(kind: str, name: str, path: Path, counted: int | None) -> Container:
-    from mclcli.io.logs.source import open_source
+def _container(kind: Kind, name: str, path: Path, counted: int | None) -> Container:
+    from mclcli.io.logs.source import Origin, open_source
 
-    if kind == "db3":
-        from mclcli.io.logs.db3_file import Db3File
-
-        return Db3File(name, path, counted)
-    return _framed(kind, name, lambda: open_source(path))
+    return _opener(kind)(name, Origin(lambda: open_source(path), path, counted))
 
 
-def _framed(kind: str, name: str, start: Callable[[], ByteSource]) -> Container:
-    if kind == "mcap":
-        from mclcli.io.logs.mcap_file import McapFile
-
-        return McapFile(name, start)
-    from mclcli.io.logs.bag1_file import Bag1File
-
-    return Bag1File(name, start)
+def _opener(kind: Kind) -> Opener:
+    module, _, attribute = kind.opener.partition(":")
+    opener: Opener = getattr(import_module(module), attribute)
+    return opener
 
 
 def _stream(name: str, stream: BinaryIO, *, borrowed: bool = False) -> Container:
@@ -100,18 +102,18 @@ def _stream(name: str, stream: BinaryIO, *, borrowed: bool = False) -> Container
     while len(head) < HEAD and (more := stream.read(HEAD - len(head))):
         head += more
     kind = kind_of(head, name)
-    if kind in {"db3", "zstd"}:
-        what = "a rosbag2 database (.db3)" if kind == "db3" else "compressed as a whole"
+    if kind is None or not kind.piped:
+        what = "compressed as a whole" if kind is None else f"{kind.name} ({kind.endings[0]})"
         raise InputError(f"{name}: is {what} and cannot be read from a pipe; name the file instead")
+    from mclcli.io.logs.source import ByteSource, Origin
+
     used = False
 
     def start() -> ByteSource:
-        from mclcli.io.logs.source import ByteSource
-
         nonlocal used
         if used:
             raise InputError(f"{name}: was read already, and a pipe can be read once; name a file instead")
         used = True
         return ByteSource(stream, None, head, borrowed=borrowed)
 
-    return _framed(kind, name, start)
+    return _opener(kind)(name, Origin(start))

@@ -1,18 +1,38 @@
-"""What a file is, by its first bytes and never by its name."""
+"""The containers of messages that can be read, and which of them a file is: by its first bytes, never by its name."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import final
 
 from mclcli.errors import InputError
 
 HEAD = 512
 """Bytes looked at."""
 
-_KINDS = {
-    b"\x89MCAP0\r\n": "mcap",
-    b"#ROSBAG V2.0\n": "bag1",
-    b"SQLite format 3\0": "db3",
-    b"\x28\xb5\x2f\xfd": "zstd",
+
+@final
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of container: its ``name`` in a sentence, and the ``endings`` that a folder is searched for.
+
+    ``opener`` is where its ``Opener`` (``opening``) stands, as ``module:name``; it is imported when a file is opened.
+    One that is not ``piped`` needs a file to go back and forth in.
+    """
+
+    name: str
+    endings: tuple[str, ...]
+    opener: str
+    piped: bool = True
+
+
+CONTAINERS: dict[bytes, Kind] = {
+    b"\x89MCAP0\r\n": Kind("MCAP", (".mcap",), "mclcli.io.logs.mcap_file:McapFile"),
+    b"SQLite format 3\0": Kind("a rosbag2 database", (".db3",), "mclcli.io.logs.db3_file:open_db3", piped=False),
+    b"#ROSBAG V2.0\n": Kind("a ROS 1 bag", (".bag", ".active"), "mclcli.io.logs.bag1_file:Bag1File"),
 }
+"""By the first bytes of a file; folders are searched in this order."""
+_ZSTD = b"\x28\xb5\x2f\xfd"
 _OTHERS = {
     b"version https://git-lfs": "is a Git LFS pointer, not the log itself; fetch it with git lfs pull",
     b"\x89MCAP": "is MCAP of another version than 0; convert it with the mcap tool",
@@ -28,12 +48,14 @@ _OTHERS = {
 _HTML = (b"<!doctype html", b"<html", b"<head", b"<?xml")
 
 
-def kind_of(head: bytes, name: str) -> str:
-    """``mcap``, ``bag1``, ``db3`` or ``zstd`` (one of them, compressed as a whole) from the first bytes of a file.
+def kind_of(head: bytes, name: str) -> Kind | None:
+    """What a file is, from its first bytes; None: compressed as a whole with zstd.
 
     Raises InputError naming what the file is instead.
     """
-    for magic, kind in _KINDS.items():
+    if head.startswith(_ZSTD):
+        return None
+    for magic, kind in CONTAINERS.items():
         if head.startswith(magic):
             return kind
     raise InputError(f"{name}: {_what_else(head)}")
@@ -49,4 +71,4 @@ def _what_else(head: bytes) -> str:
         return "is a web page, not a log; download the file itself"
     if not any(head):
         return "begins with zeros, not with a log; copy it again"
-    return "is not a log (neither MCAP, nor a ROS 1 bag, nor a rosbag2 database); name another file"
+    return f"is not a log (neither {', nor '.join(kind.name for kind in CONTAINERS.values())}); name another file"

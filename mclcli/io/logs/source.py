@@ -6,6 +6,7 @@ import io
 import os
 import stat
 import zlib
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, BinaryIO, final
 
 if TYPE_CHECKING:
@@ -119,6 +120,23 @@ class ByteSource:
 
 
 _OVERLAP = 1 << 17  # bytes behind a place that may be needed to tell whether a record starts there
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """Where the bytes of a container come from: call it to open them at the first.
+
+    ``path`` is None for a pipe; ``counted`` messages stand in the file, says what describes its folder, if it does.
+    """
+
+    opens: Callable[[], ByteSource]
+    path: Path | None = None
+    counted: int | None = None
+
+    def __call__(self) -> ByteSource:
+        """Bytes from the first one on. Raises OSError."""
+        return self.opens()
 
 
 def open_source(path: Path) -> ByteSource:

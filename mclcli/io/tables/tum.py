@@ -17,12 +17,15 @@ from mclcli.errors import InputError, UsageError
 from mclcli.geometry import se2
 from mclcli.geometry.trajectory import in_order
 from mclcli.io.tables.text_file import read_stdin, refuse_stand_ins
+from mclcli.io.traces.formats import Format, Writer
 from mclcli.io.traces.sinks import COVARIANCE_COLUMNS, NANOSECONDS, require_finite, stamp_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mclcli.geometry.trajectory import Trajectory
+    from mclcli.io.traces.formats import About
+    from mclcli.io.traces.output import Output
     from mclcli.io.traces.sinks import TextSink
     from mclcli.records import TrackPoint
 
@@ -203,3 +206,12 @@ def _stamp(text: str) -> int:
 
 def _quoted(text: str) -> str:
     return ascii(text[:40])
+
+
+def _track(output: Output, about: About) -> Writer:
+    del about
+    track = TumWriter(output)
+    return Writer(track.write, track.close)
+
+
+TRACK = Format(_track)

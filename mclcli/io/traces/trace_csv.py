@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli.io.traces.formats import Format, of_steps
 from mclcli.io.traces.sinks import COVARIANCE_COLUMNS, covariance_text, require_finite, stamp_text
 from mclcli.native.backend import NUMPY, Backend
 
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from types import SimpleNamespace
 
     from mclcli.arrays import FloatArray
+    from mclcli.io.traces.formats import About, Writer
+    from mclcli.io.traces.output import Output
     from mclcli.io.traces.sinks import TextSink
     from mclcli.records import Hypothesis, StepRecord
 
@@ -217,3 +220,14 @@ def _require_columns(sensors: tuple[str, ...], record: StepRecord) -> None:
 def _without_unusable(text: str) -> str:
     """Rows with NaN and +inf replaced by empty fields; −inf stays."""
     return text.replace(",nan", ",").replace(",inf", ",")
+
+
+def _trace(output: Output, about: About) -> Writer:
+    return of_steps(TraceCsv(output, about.metadata, sensors=about.sensors, backend=about.backend))
+
+
+def _steps(output: Output, about: About) -> Writer:
+    return of_steps(StepsCsv(output, sensors=about.sensors))
+
+
+TRACE, STEPS = Format(_trace), Format(_steps)

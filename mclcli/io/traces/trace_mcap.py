@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -9,6 +10,7 @@ import numpy as np
 from mclcli.geometry import se2, se3
 from mclcli.io.traces import trace_messages as messages
 from mclcli.io.traces.chunked_mcap import ROSBAG2, ChunkedMcap, ros2_stream
+from mclcli.io.traces.formats import Format, Writer
 from mclcli.io.traces.mcap_writer import for_clouds
 from mclcli.io.traces.sinks import require_finite
 from mclcli.native.backend import NUMPY, Backend
@@ -17,6 +19,8 @@ from mclcli.records import Transform
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from mclcli.io.traces.formats import About
+    from mclcli.io.traces.output import Output
     from mclcli.io.traces.sinks import BinarySink
     from mclcli.records import StepRecord, TrackPoint
 
@@ -153,3 +157,22 @@ class TraceMcap:
             ("/particlecloud", messages.pose_array(stamp, frame, poses)),
             ("/particle_cloud", messages.particle_cloud(stamp, frame, particles)),
         ]
+
+
+def _trace(output: Output, about: About) -> Writer:
+    metadata = {key: value if isinstance(value, str) else json.dumps(value) for key, value in about.metadata.items()}
+    trace = TraceMcap(
+        output,
+        grid=about.grid,
+        metadata=metadata,
+        parameters_yaml=about.parameters_yaml(),
+        odom_frame=about.odom_frame,
+        base_frame=about.base_frame,
+        map_frame=about.map_frame,
+        static_transforms=about.static_transforms,
+        backend=about.backend,
+    )
+    return Writer(trace.write, trace.close, trace.transforms)
+
+
+TRACE = Format(_trace, binary=True, stays_whole=True)

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, final
 
+from mclcli.io.traces.formats import Format, Writer
 from mclcli.io.traces.sinks import COVARIANCE_COLUMNS, covariance_text, require_finite, stamp_text
 
 if TYPE_CHECKING:
+    from mclcli.io.traces.formats import About
+    from mclcli.io.traces.output import Output
     from mclcli.io.traces.sinks import TextSink
     from mclcli.records import TrackPoint
 
@@ -34,3 +37,12 @@ class TrackCsv:
 
     def close(self) -> None:
         """Nothing is left to write."""
+
+
+def _track(output: Output, about: About) -> Writer:
+    del about
+    track = TrackCsv(output)
+    return Writer(track.write, track.close)
+
+
+TRACK = Format(_track)

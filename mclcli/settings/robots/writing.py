@@ -47,7 +47,8 @@ def _is_navs(name: str) -> bool:
 def _expressed(settings: Settings) -> dict[str, Value]:
     """Every parameter of nav2_amcl, for this lidar model, that the settings have a value for which it can take."""
     values = settings.values()
-    expressed: dict[str, Value] = {"laser_model_type": settings.model}
+    known = settings.model in names.NAMES["laser_model_type"].words
+    expressed: dict[str, Value] = {"laser_model_type": settings.model} if known else {}
     for row in names.TABLE:
         if row.nav2 is not None and row.becomes in values and (not row.models or settings.model in row.models):
             value = _in_navs_words(row, values)
@@ -73,8 +74,10 @@ def _in_navs_words(row: Name, values: Mapping[str, Value]) -> Value | None:
 def _own(settings: Settings, amcl: Mapping[str, Value]) -> dict[str, Value]:
     """What has to go with the block for nav2_amcl so that the settings come back: found by reading that block."""
     node = NodeParameters(f"/{NODE}", {name: Given(value, 0) for name, value in amcl.items()}, frozenset(amcl))
-    back = from_node("", node, {})
+    back = from_node("", node, {}, model=settings.model)
     own: dict[str, Value] = {} if back.profile == settings.profile else {"profile": settings.profile}
+    if "laser_model_type" not in amcl:
+        own["model"] = settings.model  # nav2_amcl does not have it
     read = profiles.build(back.values, profile=settings.profile, model=settings.model).values()
     return own | {name: value for name, value in settings.values().items() if read[name] != value}
 

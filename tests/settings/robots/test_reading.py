@@ -256,7 +256,7 @@ def test_what_the_user_wants_goes_before_the_file(tmp_path: Path) -> None:
     )
     assert (settings.profile, settings.model) == ("beluga", "likelihood_field")
     assert (settings.motion.alpha1, settings.motion.alpha3) == (0.5, 0.3)
-    assert not settings.likelihood_field.do_beamskip  # nav2_amcl has it in likelihood_field_prob alone
+    assert not settings.lidars["likelihood_field"].do_beamskip  # nav2_amcl has it in likelihood_field_prob alone
 
 
 def test_pf_z_stays_a_quantile_whatever_the_profile(tmp_path: Path) -> None:
