@@ -60,10 +60,12 @@ def test_nothing_to_judge_changes_nothing() -> None:
     assert recovery.observe(before, None, RATES) == before
 
 
-def run(fits_per_beam: list[float], rule: RecoveryRule = "per_beam", beams: int = 10) -> list[StepRecord]:
+def run(
+    fits_per_beam: list[float], rule: RecoveryRule = "per_beam", beams: int = 10, seed: int = 0
+) -> list[StepRecord]:
     """Steps whose particles all fit alike."""
     parameters = RecoveryParameters("uniform", 0.01, 0.5, rule)
-    localizer = Localizer(QUIET, FilterParameters(), 0, KldParameters(N, N), parameters)
+    localizer = Localizer(QUIET, FilterParameters(), seed, KldParameters(N, N), parameters)
     state, records = initial_state(np.zeros((N, 3))), []
     for stamp, fit in enumerate(fits_per_beam):
         same = Measurement("lidar", lambda p, fit=fit: np.full(len(p), beams * math.log(fit)), beams, 0.0)  # type: ignore[misc]
@@ -92,6 +94,13 @@ def test_readings_that_fit_worse_draw_a_share_anew() -> None:
     assert np.count_nonzero(last[:, 0] > 40.0) == records[4].injected
     assert len(last) == N
     np.testing.assert_allclose(records[5].weights, 1 / N)
+
+
+def test_the_number_drawn_anew_is_right_on_average() -> None:
+    """1 − (0.8 + 0.4)/2 / (0.99·0.8 + 0.01·0.4) of 100 is 24.62: 24 or 25, which of them is drawn by lot."""
+    counts = [run([0.8, 0.4], seed=seed)[1].injected for seed in range(100)]
+    assert set(counts) == {24, 25}
+    assert np.mean(counts) == pytest.approx(24.62, abs=0.15)  # three standard deviations of the mean
 
 
 def test_more_beams_do_not_make_a_robot_more_lost() -> None:
