@@ -126,3 +126,15 @@ def test_a_stated_pose_without_covariance_is_taken_as_good() -> None:
     cloud = AlongPoses([given(0, 0, 0, 0)]).place(Opening(0, EMPTY), 5000, generator())
     assert isinstance(cloud, np.ndarray)
     np.testing.assert_allclose(np.cov(cloud.T), GIVEN_SPREAD, atol=0.001)
+
+
+@pytest.mark.parametrize(("first", "last"), [(2, 4), (0, 2), (2, 2)], ids=["starts later", "ends before", "one stamp"])
+def test_a_lone_stated_pose_stays_where_odometry_does_not_reach(first: int, last: int) -> None:
+    """It holds for 1 s, and the start is at 3 s."""
+    path = OdometryPath()
+    path.append(first * SECOND, np.array([10.0, 0.0, 0.0]))
+    if last > first:
+        path.append(last * SECOND, np.array([14.0, 0.0, 0.0]))
+    cloud = AlongPoses([given(1, 5, 5, 0.5, covariance=EXACTLY)]).place(Opening(3 * SECOND, path), 2, generator())
+    assert isinstance(cloud, np.ndarray)
+    np.testing.assert_allclose(cloud, [[5.0, 5.0, 0.5]] * 2, atol=1e-12)

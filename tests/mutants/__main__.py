@@ -7,6 +7,7 @@ printed as changed lines; those that ``equivalent.toml`` explains are counted ap
 from __future__ import annotations
 
 import argparse
+import contextlib
 import random
 import sys
 import tempfile
@@ -39,7 +40,7 @@ def draw(packages: list[str], count: int, seed: int) -> list[tuple[str, Mutant]]
 
 
 def main() -> int:
-    """Judge a sample and print what survived; 1 if more than a tenth did, unexplained."""
+    """Judge a sample, or what Ctrl-C leaves of it, and print what survived; 1 if more than a tenth did, unexplained."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("packages", nargs="+", metavar="PACKAGE")
     parser.add_argument("--sample", type=int, default=300)
@@ -47,10 +48,10 @@ def main() -> int:
     options = parser.parse_args()
     preload()
     known, ends = explained(), Counter[str]()
-    with tempfile.TemporaryDirectory(prefix="mutants-") as folder:
+    with tempfile.TemporaryDirectory(prefix="mutants-") as folder, contextlib.suppress(KeyboardInterrupt):
         scratch = Scratch.make(Path(folder))
         for module, mutant in draw(options.packages, options.sample, options.seed):
-            source = (ROOT / "mclcli" / module).read_text()
+            source = scratch.read(module)
             change = mutant.change(source)
             end = EXPLAINED if (module, *change) in known else scratch.judge(module, mutant.apply(source))
             ends[end] += 1

@@ -34,6 +34,7 @@ _ARITHMETIC: dict[type[ast.operator], type[ast.operator]] = {
     ast.LShift: ast.RShift,
     ast.RShift: ast.LShift,
 }
+_SYMMETRIC = {"minimum", "maximum", "min", "max", "logaddexp", "hypot", "array_equal"}
 _SILENT = {
     "strict",
     "slots",
@@ -154,5 +155,6 @@ def _of_constant(node: ast.AST) -> Iterator[_Fault]:
 def _of_call(node: ast.AST) -> Iterator[_Fault]:
     if isinstance(node, ast.Call) and len(node.args) > 1:
         first, second, *rest = node.args
-        if ast.dump(first) != ast.dump(second) and not any(isinstance(a, ast.Starred) for a in (first, second)):
+        same = ast.dump(first) == ast.dump(second) or ast.unparse(node.func).rpartition(".")[2] in _SYMMETRIC
+        if not same and not any(isinstance(a, ast.Starred) for a in (first, second)):
             yield _Fault("swapped", node, ast.unparse(ast.Call(node.func, [second, first, *rest], node.keywords)))

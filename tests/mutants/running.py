@@ -67,6 +67,10 @@ class Scratch:
         end = resource.getrusage(resource.RUSAGE_CHILDREN)
         self.seconds[tuple(tests)] = end.ru_utime + end.ru_stime - begin.ru_utime - begin.ru_stime
 
+    def read(self, module: str) -> str:
+        """Text of a module without a fault, as it was when the copy was made."""
+        return (self.folder / "tree" / "mclcli" / module).read_text()
+
     def judge(self, module: str, faulty: str) -> str:
         """What the nearest tests make of a module's faulty text."""
         path = self.folder / "tree" / "mclcli" / module
