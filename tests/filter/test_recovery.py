@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -114,9 +115,13 @@ def test_the_rule_of_beluga_sees_only_the_number_of_particles() -> None:
     assert [record.injected for record in run([0.8] * 4 + [0.1] * 4, rule="normalised")] == [0] * 8
 
 
-def test_a_degenerate_step_is_no_reason() -> None:
-    records = run([0.8, 0.8])
-    assert recovery.log_fit(records[0], "per_beam") == pytest.approx(math.log(0.8))
+def test_steps_that_say_nothing_are_no_reason() -> None:
+    (record,) = run([0.8])
+    assert recovery.log_fit(record, "per_beam") == pytest.approx(math.log(0.8))
+    for change in ({"degenerate": True}, {"beams_used": 0}, {"log_evidence": -math.inf}):
+        assert recovery.log_fit(dataclasses.replace(record, **change), "per_beam") is None
+    one = dataclasses.replace(record, beams_used=1, log_evidence=-0.7)
+    assert recovery.log_fit(one, "per_beam") == pytest.approx(-0.7)
 
 
 def test_without_a_proposal_nothing_is_drawn() -> None:

@@ -77,6 +77,13 @@ def test_around_a_pose_holds_at_any_stamp() -> None:
     np.testing.assert_allclose(first.std(axis=0), [0.5, 0.5, math.radians(15)], rtol=0.15)
 
 
+def test_a_pose_alone_has_the_default_spread() -> None:
+    start = AroundPose.at(1.0, 2.0, 0.5)
+    np.testing.assert_array_equal(start.pose, [1.0, 2.0, 0.5])
+    np.testing.assert_allclose(start.covariance, particles.DEFAULT_SPREAD, rtol=1e-12)
+    np.testing.assert_allclose(AroundPose.at(0, 0, 0, 0.2, 0.3).covariance, np.diag([0.04, 0.04, 0.09]), rtol=1e-12)
+
+
 def test_several_hypotheses_share_the_particles_by_their_weights() -> None:
     poses = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 1.0], [0.0, 10.0, -1.0]])
     spreads = np.array([np.diag([0.01, 0.01, 0.001]), np.zeros((3, 3)), np.diag([0.04, 0.0, 0.0])])
