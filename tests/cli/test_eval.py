@@ -126,6 +126,22 @@ def test_little_coverage_is_warned_of(tmp_path: Path, files: tuple[Path, Path]) 
     assert "the rest is unknown" in result.err
 
 
+@pytest.mark.parametrize(("covered", "warned"), [(35, True), (36, False), (40, False)])
+def test_less_than_nine_tenths_of_coverage_are_little(tmp_path: Path, covered: int, *, warned: bool) -> None:
+    """Of 40 poses."""
+    (tmp_path / "track.tum").write_text(as_tum(drive(np.arange(40.0))))
+    (tmp_path / "truth.tum").write_text(as_tum(drive(np.arange(covered * 4.0 - 3.0) / 4.0)))
+    result = mcl("eval", tmp_path / "track.tum", "--truth", tmp_path / "truth.tum")
+    assert (result.code, "the rest is unknown" in result.err) == (0, warned)
+
+
+def test_a_limit_missed_is_the_only_line_where_coverage_is_little_too(tmp_path: Path, files: tuple[Path, Path]) -> None:
+    (tmp_path / "half.tum").write_text(as_tum(drive(np.arange(0.0, 50.0, 0.25))))
+    result = mcl("eval", files[0], "--truth", tmp_path / "half.tum", "--min-coverage", "0.9")
+    (line,) = result.err.splitlines()
+    assert (result.code, "--min-coverage" in line) == (4, True)
+
+
 def test_rules_can_be_changed(tmp_path: Path) -> None:
     reference = drive(np.arange(0.0, 60.0, 0.5))
     dx = np.where((np.arange(120) >= 40) & (np.arange(120) < 50), 0.8, 0.1)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from ruamel.yaml import YAML
 
-from tests.cli.support import OFFICE, OFFICE_MAP, SAMPLES, Message, mcl, single_error, write_mcap
+from tests.cli.support import OFFICE, OFFICE_MAP, SAMPLES, Message, edited, mcl, single_error, without, write_mcap
 from tests.data import shared
 
 if TYPE_CHECKING:
@@ -102,6 +102,22 @@ def test_a_log_without_messages(tmp_path: Path) -> None:
     log = write_mcap(tmp_path / "log.mcap", [])
     assert facts(log)["messages"] == 0
     assert mcl("info", log).code == 0
+
+
+def test_frames_in_a_circle_end(office_messages: list[Message], tmp_path: Path) -> None:
+    """The lidar's frame and its parent are each other's parents."""
+
+    def close_the_circle(message: Any) -> None:
+        edge = next(t for t in message.transforms if t.child_frame_id == "laser")
+        edge.child_frame_id, edge.header.frame_id = edge.header.frame_id, edge.child_frame_id
+
+    (statics,) = [m for m in office_messages if m.topic == "/tf_static"]
+    circle = [statics, edited(statics, close_the_circle)]
+    log = write_mcap(tmp_path / "log.mcap", [*circle, *without(office_messages, "/tf_static")])
+    result = mcl("info", log)
+    assert result.code == 0
+    (line,) = [line for line in result.out.decode().splitlines() if line.startswith("frames: ")]
+    assert line.count("laser") == 1
 
 
 # extract

@@ -9,10 +9,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mclcli.cli.locate.scans import thinned
 from mclcli.geometry import se2
 from mclcli.io.tables.tum import read_tum
+from mclcli.sensors.observation import Observation
 from tests.cli.support import OFFICE, OFFICE_MAP, SAMPLES, START_NS, mcl, single_error
 from tests.data import shared
+from tests.support import scan_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -74,6 +77,21 @@ def test_every_so_often_through_the_log() -> None:
     for row in range(len(stamps)):
         assert_right(result.table, row)
     assert f"{len(stamps)} scans" in result.err
+
+
+@pytest.mark.parametrize(
+    ("stamps", "every", "expected"),
+    [
+        ([0, 3, 6, 9, 12, 15, 18, 21], 5, [0, 6, 12, 15, 21]),  # late ones do not shift those after them
+        ([7, 11, 12, 13, 17], 5, [7, 12, 17]),
+        ([0, 4, 41, 42, 44, 45, 49, 50], 5, [0, 41, 45, 50]),  # one after a gap, not one for each that is missing
+        ([3, 4, 9, 10], 1, [3, 4, 9, 10]),
+        ([], 5, []),
+    ],
+)
+def test_one_scan_of_each_interval_is_looked_at(stamps: list[int], every: int, expected: list[int]) -> None:
+    moments = [(Observation("/scan", scan_of([1.0], stamp_ns=s), np.zeros(3), np.eye(4)),) for s in stamps]
+    assert [moment[-1].reading.stamp_ns for moment in thinned(moments, every)] == expected
 
 
 def test_a_share_below_the_least_asked_for_ends_with_5() -> None:

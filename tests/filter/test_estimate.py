@@ -133,6 +133,30 @@ def test_of_a_large_set_hypotheses_are_those_of_an_even_choice() -> None:
     np.testing.assert_allclose(first.estimate.pose, [9.25, 9.25, 0.1], atol=1e-3)
 
 
+@pytest.mark.parametrize(("extra", "counted"), [(0.3, 1000), (0.7, 1001), (-0.3, 1000), (-0.7, 999)])
+def test_each_of_the_2000_chosen_stands_for_its_share_of_the_weight(extra: float, counted: int) -> None:
+    """Each is the one at the middle of its 2,000th: of two heaps each has its share, rounded to the nearest."""
+    share = 0.5 + extra / 2000
+    poses = np.repeat([[0.25, 0.25, 0.1], [9.25, 0.25, 0.1]], [900, 1101], axis=0)
+    weights = np.repeat([share / 900, (1.0 - share) / 1101], [900, 1101])
+    found = estimate.report(poses, weights, most=2)[1]()
+    by_place = {round(float(h.estimate.pose[0]), 2): h.weight for h in found}
+    assert by_place == pytest.approx({0.25: counted / 2000, 9.25: 1 - counted / 2000})
+
+
+def test_of_2000_particles_none_is_left_out() -> None:
+    poses = np.repeat([[0.25, 0.25, 0.1], [9.25, 0.25, 0.1]], 1000, axis=0)
+    weights = np.repeat([0.50037 / 1000, 0.49963 / 1000], 1000)
+    assert [h.weight for h in estimate.report(poses, weights, most=2)[1]()] == pytest.approx([0.50037, 0.49963])
+
+
+def test_the_last_particle_takes_what_rounding_leaves() -> None:
+    """Weights may sum to a little less than 1; the last of the 2,000 then lies beyond them all."""
+    poses, weights = np.zeros((2001, 3)), np.full(2001, 0.9 / 2001)
+    (found,) = estimate.report(poses, weights, most=2)[1]()
+    np.testing.assert_allclose(found.estimate.pose, np.zeros(3), atol=1e-12)
+
+
 def test_few_effective_particles_call_for_resampling() -> None:
     assert is_depleted(49.9, 100, 0.5)
     assert not is_depleted(50.0, 100, 0.5)

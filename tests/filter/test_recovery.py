@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -60,10 +61,12 @@ def test_nothing_to_judge_changes_nothing() -> None:
     assert recovery.observe(before, None, RATES) == before
 
 
-def run(fits_per_beam: list[float], rule: RecoveryRule = "per_beam", beams: int = 10) -> list[StepRecord]:
+def run(
+    fits_per_beam: list[float], rule: RecoveryRule = "per_beam", beams: int = 10, seed: int = 0
+) -> list[StepRecord]:
     """Steps whose particles all fit alike."""
     parameters = RecoveryParameters("uniform", 0.01, 0.5, rule)
-    localizer = Localizer(QUIET, FilterParameters(), 0, KldParameters(N, N), parameters)
+    localizer = Localizer(QUIET, FilterParameters(), seed, KldParameters(N, N), parameters)
     state, records = initial_state(np.zeros((N, 3))), []
     for stamp, fit in enumerate(fits_per_beam):
         same = Measurement("lidar", lambda p, fit=fit: np.full(len(p), beams * math.log(fit)), beams, 0.0)  # type: ignore[misc]
@@ -94,6 +97,13 @@ def test_readings_that_fit_worse_draw_a_share_anew() -> None:
     np.testing.assert_allclose(records[5].weights, 1 / N)
 
 
+def test_the_number_drawn_anew_is_right_on_average() -> None:
+    """1 − (0.8 + 0.4)/2 / (0.99·0.8 + 0.01·0.4) of 100 is 24.62: 24 or 25, which of them is drawn by lot."""
+    counts = [run([0.8, 0.4], seed=seed)[1].injected for seed in range(100)]
+    assert set(counts) == {24, 25}
+    assert np.mean(counts) == pytest.approx(24.62, abs=0.15)  # three standard deviations of the mean
+
+
 def test_more_beams_do_not_make_a_robot_more_lost() -> None:
     few, many = (run([0.8] * 4 + [0.4], beams=beams)[4].injected for beams in (2, 200))
     assert abs(few - many) <= 1
@@ -105,9 +115,13 @@ def test_the_rule_of_beluga_sees_only_the_number_of_particles() -> None:
     assert [record.injected for record in run([0.8] * 4 + [0.1] * 4, rule="normalised")] == [0] * 8
 
 
-def test_a_degenerate_step_is_no_reason() -> None:
-    records = run([0.8, 0.8])
-    assert recovery.log_fit(records[0], "per_beam") == pytest.approx(math.log(0.8))
+def test_steps_that_say_nothing_are_no_reason() -> None:
+    (record,) = run([0.8])
+    assert recovery.log_fit(record, "per_beam") == pytest.approx(math.log(0.8))
+    for change in ({"degenerate": True}, {"beams_used": 0}, {"log_evidence": -math.inf}):
+        assert recovery.log_fit(dataclasses.replace(record, **change), "per_beam") is None
+    one = dataclasses.replace(record, beams_used=1, log_evidence=-0.7)
+    assert recovery.log_fit(one, "per_beam") == pytest.approx(-0.7)
 
 
 def test_without_a_proposal_nothing_is_drawn() -> None:

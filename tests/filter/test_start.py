@@ -77,6 +77,13 @@ def test_around_a_pose_holds_at_any_stamp() -> None:
     np.testing.assert_allclose(first.std(axis=0), [0.5, 0.5, math.radians(15)], rtol=0.15)
 
 
+def test_a_pose_alone_has_the_default_spread() -> None:
+    start = AroundPose.at(1.0, 2.0, 0.5)
+    np.testing.assert_array_equal(start.pose, [1.0, 2.0, 0.5])
+    np.testing.assert_allclose(start.covariance, particles.DEFAULT_SPREAD, rtol=1e-12)
+    np.testing.assert_allclose(AroundPose.at(0, 0, 0, 0.2, 0.3).covariance, np.diag([0.04, 0.04, 0.09]), rtol=1e-12)
+
+
 def test_several_hypotheses_share_the_particles_by_their_weights() -> None:
     poses = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 1.0], [0.0, 10.0, -1.0]])
     spreads = np.array([np.diag([0.01, 0.01, 0.001]), np.zeros((3, 3)), np.diag([0.04, 0.0, 0.0])])
@@ -126,3 +133,15 @@ def test_a_stated_pose_without_covariance_is_taken_as_good() -> None:
     cloud = AlongPoses([given(0, 0, 0, 0)]).place(Opening(0, EMPTY), 5000, generator())
     assert isinstance(cloud, np.ndarray)
     np.testing.assert_allclose(np.cov(cloud.T), GIVEN_SPREAD, atol=0.001)
+
+
+@pytest.mark.parametrize(("first", "last"), [(2, 4), (0, 2), (2, 2)], ids=["starts later", "ends before", "one stamp"])
+def test_a_lone_stated_pose_stays_where_odometry_does_not_reach(first: int, last: int) -> None:
+    """It holds for 1 s, and the start is at 3 s."""
+    path = OdometryPath()
+    path.append(first * SECOND, np.array([10.0, 0.0, 0.0]))
+    if last > first:
+        path.append(last * SECOND, np.array([14.0, 0.0, 0.0]))
+    cloud = AlongPoses([given(1, 5, 5, 0.5, covariance=EXACTLY)]).place(Opening(3 * SECOND, path), 2, generator())
+    assert isinstance(cloud, np.ndarray)
+    np.testing.assert_allclose(cloud, [[5.0, 5.0, 0.5]] * 2, atol=1e-12)

@@ -145,3 +145,18 @@ def test_reading_again_leaves_the_first_tree_as_it_was() -> None:
     survey = tree_of(*ROBOT, keep_history=False)
     survey.replayed().add(transform(0, "base_link", "laser", at(7.0), static=True))
     np.testing.assert_array_equal(known(survey.lookup("base_link", "laser", 0)), ROBOT[0][3])
+
+
+@pytest.mark.parametrize(("by", "moves"), [(0.0, False), (5e-10, False), (2e-9, True), (1e-6, True), (-1e-4, True)])
+@pytest.mark.parametrize("what", ["metres", "radians"])
+def test_a_transform_moves_unless_it_differs_by_rounding_alone(by: float, what: str, *, moves: bool) -> None:
+    again = at(0.1 + by, 0.0, 0.0) if what == "metres" else at(0.1, 0.0, by)
+    tree = tree_of((1.0, "base", "laser", at(0.1), False), (2.0, "base", "laser", again, False))
+    assert tree.moves("laser") is moves
+    assert (tree.lookup("base", "laser", 0) is None) is moves  # before the first stamp only what never moves is known
+
+
+def test_a_transform_that_creeps_moves() -> None:
+    """No step is more than rounding; all of them are."""
+    steps = ((float(i), "base", "laser", at(0.1 + 4e-10 * i), False) for i in range(5))
+    assert tree_of(*steps).moves("laser")

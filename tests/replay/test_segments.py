@@ -226,3 +226,22 @@ def test_what_a_start_sees_has_its_mount_and_its_odometry() -> None:
     assert [o.topic for o in openings[-1].observations] == ["/scan", "/camera", "/scan"]
     np.testing.assert_allclose([o.odom_from_base[0] for o in openings[-1].observations], [0.5, 0.75, 1.0])
     np.testing.assert_allclose(openings[0].observations[0].base_from_sensor[:3, 3], [0.1, 0, 0])
+
+
+@pytest.mark.parametrize("moving", [False, True])
+def test_a_camera_that_is_late_finds_the_odometry_and_the_mount_of_its_stamp(*, moving: bool) -> None:
+    """A sighting 0.9 s older than the scan that made the last update is placed where the robot and camera were."""
+
+    def mast(seconds: float) -> Event:
+        pose = se3.from_planar([0.0, 0.0, 0.2 * seconds if moving else 0.0])
+        return "/tf", (transform(ns(seconds), "base_link", "camera", pose),)
+
+    frames = tree(("base_link", "laser", np.eye(4)))
+    for seconds in (0, 1):
+        frames.add(mast(seconds)[1][0])  # type: ignore[index]
+    driven = [event for i in range(9) for event in (mast(i / 2), odom(i / 2, i / 2), scan(i / 2 - 0.1))]
+    late = next(number for number, (topic, _) in enumerate(driven) if topic == "/scan" and number > 20)
+    events = [*driven[: late + 1], odom(3.6, 3.6), seen(driven[late][1].stamp_ns / ns(1) - 0.9), *driven[late + 1 :]]  # type: ignore[attr-defined]
+    _, tally = run(events, instruments=BOTH, frames=frames, transform_topics=("/tf",))
+    assert tally.used["/camera"] == 1
+    assert not any(topic == "/camera" for topic, _ in tally.skipped)

@@ -132,6 +132,11 @@ def test_an_unknown_id_costs_the_same_everywhere_and_is_counted() -> None:
     assert seen_from(np.eye(4), *SEEN).unknown == 1
 
 
+def test_ids_are_kept_in_their_order_known_and_unknown_apart() -> None:
+    bearings = observe(sightings(0, [i for i, _ in SEEN], level(*(b for _, b in SEEN))), np.eye(4), LANDMARKS)
+    assert (bearings.ids, bearings.unknown_ids) == (("a", "c", "a"), ("nobody",))
+
+
 @given(st.permutations(SEEN))
 def test_the_order_of_sightings_does_not_matter(order: list[tuple[str, float]]) -> None:
     mount = se3.from_planar(MOUNT)

@@ -82,7 +82,7 @@ def find(
     setup = _setup(options, chosen.settings, grid, landmarks, recording, parts)
     moments = _moments(recording, setup, window_ns)
     if every_ns is not None:
-        return Moments(_thinned(moments, max(every_ns, 1)), recording)
+        return Moments(thinned(moments, max(every_ns, 1)), recording)
     if at is None and index is None:
         return Moments(_first_whole(moments, window_ns), recording)
     wanted = one_scan.scan_of_log(recording, parts, at, index)
@@ -168,13 +168,15 @@ def _counts(observation: Observation, now_ns: int, window_ns: int) -> bool:
     return observation.reading.stamp_ns >= now_ns - (window_ns if scan else max(window_ns, _SIGHTINGS_NS))
 
 
-def _thinned(moments: Iterator[Moment], every_ns: int) -> Iterator[Moment]:
+def thinned(moments: Iterable[Moment], every_ns: int) -> Iterator[Moment]:
+    """The first moment, and after it the first of each ``every_ns`` > 0, counted from the first one's stamp."""
     due: int | None = None
     for moment in moments:
         stamp_ns = moment[-1].reading.stamp_ns
-        if due is None or stamp_ns >= due:
+        due = stamp_ns if due is None else due
+        if stamp_ns >= due:
             yield moment
-            due = stamp_ns + every_ns if due is None else max(due + every_ns, stamp_ns + 1)
+            due += every_ns * ((stamp_ns - due) // every_ns + 1)
 
 
 def _first_whole(moments: Iterator[Moment], window_ns: int) -> Iterator[Moment]:
