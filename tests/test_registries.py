@@ -3,16 +3,31 @@
 from __future__ import annotations
 
 import json
+import math
 import subprocess
 import sys
 from typing import TYPE_CHECKING
 
 import pytest
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mclcli.errors import UsageError
 from mclcli.settings import profiles
-from tests.cli.support import OFFICE, OFFICE_MAP, REFERENCE_MAP, ROOT, Result, Table, single_error
-from tests.toys import container
+from tests.cli.support import (
+    OFFICE,
+    OFFICE_MAP,
+    REFERENCE_MAP,
+    ROOT,
+    Message,
+    Result,
+    Table,
+    decoded,
+    messages,
+    single_error,
+    without,
+    write_mcap,
+)
+from tests.toys import container, vision
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -27,6 +42,7 @@ CONTAINER = (
     "from mclcli.io.logs.sniff import CONTAINERS, Kind; "
     "CONTAINERS[b'TOYLOG'] = Kind('a toy', ('.toy',), 'tests.toys.container:ToyFile')"
 )
+VISION = "from mclcli.io.messages.sightings import VISION; VISION['toy_msgs/msg/Seen'] = 'tests.toys.vision:TOY'"
 
 
 def mcl(line: str, *words: object) -> Result:
@@ -138,3 +154,28 @@ def test_a_container_is_read_by_its_first_bytes(tmp_path: Path) -> None:
     assert "nor a ROS 1 bag, nor a toy)" in single_error(mcl(CONTAINER, "info", file), 1)
     (other / "x.toy").unlink()
     assert "(no .mcap, .db3, .bag or .toy file)" in single_error(mcl(CONTAINER, "info", other), 1)
+
+
+def test_a_message_of_landmarks_weighs_the_particles_of_a_run(tmp_path: Path) -> None:
+    contents = messages(OFFICE)[:1000]
+    seen = [_seen(message) for message in contents if message.topic == "/landmarks" and decoded(message).ids]
+    in_order = sorted([*without(contents, "/landmarks"), *seen], key=lambda message: message.log_ns)
+    log = write_mcap(tmp_path / "x.mcap", in_order)
+    words = ("run", log, *RUN[2:], "--duration", "10", "--landmarks", "samples/office.landmarks.csv")
+    topics = json.loads(good(VISION, "info", log, "--json"))["topics"]
+    assert {topic["topic"]: (topic["role"], topic["problem"]) for topic in topics}["/seen"] == ("vision", "")
+    assert (Table(good(VISION, *words, "--steps", "-"))["beams_vision"] > 0.0).any()
+    assert "cannot use messages of type toy_msgs" in single_error(mcl("pass", *words, "--vision", "/seen"), 2)
+
+
+def _seen(message: Message) -> Message:
+    """The first landmark of a message, as the toy."""
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(vision.TEXT, vision.KIND))
+    told = decoded(message)
+    x, y = math.cos(told.bearings[0]), math.sin(told.bearings[0])
+    stamp = store.types["builtin_interfaces/msg/Time"](told.header.stamp.sec, told.header.stamp.nanosec)
+    header = store.types["std_msgs/msg/Header"](stamp, told.header.frame_id)
+    data = store.serialize_cdr(store.types[vision.KIND](header, told.ids[0], x, y), vision.KIND)
+    text, _ = store.generate_msgdef(vision.KIND, ros_version=2)
+    return Message("/seen", vision.KIND, text.encode(), message.log_ns, bytes(data))

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeVar, final
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar, final
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from mclcli.io.logs.base import RawMessage, Tally
-    from mclcli.io.messages.parsing import Parsed
 
     _A = TypeVar("_A", bound=NDArray[Any])
 
+Parsed: TypeAlias = Any
+"""An object of a rosbags message class: attributes named as the fields, without static types."""
 STAMP_ZERO = "header stamp is 0: log time used"
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Undecodable:
+    """A message that cannot be used, and why; the reason is the same text for the same trouble."""
+
+    reason: str
 
 
 @final

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mclcli.geometry import se3
-from mclcli.io.messages import vision
-from mclcli.io.messages.conversion import Context, frame_name, read_only
-from mclcli.io.messages.parsing import Undecodable, parser_for, to_plain
+from mclcli.io.messages.conversion import Context, Undecodable, frame_name, read_only
+from mclcli.io.messages.parsing import parser_for, to_plain
+from mclcli.io.messages.sightings import vision_messages
 from mclcli.quantity import FARTHEST
 from mclcli.records import LaserScan, Odometry, StampedPose, Transform
 
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 
     from mclcli.arrays import FloatArray
     from mclcli.io.logs.base import RawMessage, Tally
-    from mclcli.io.messages.parsing import Parsed
-    from mclcli.io.messages.vision import Vision
+    from mclcli.io.messages.conversion import Parsed
+    from mclcli.io.messages.sightings import Vision
     from mclcli.world.occupancy import OccupancyGrid
 
     Record = LaserScan | Odometry | StampedPose | Vision | OccupancyGrid | tuple[Transform, ...]
@@ -192,7 +192,7 @@ _CONVERTERS: dict[str, Callable[[Parsed, Context], Record | Undecodable]] = {
     "geometry_msgs/msg/PoseStamped": _pose_stamped,
     "geometry_msgs/msg/PoseWithCovarianceStamped": _pose_with_covariance,
     "nav_msgs/msg/OccupancyGrid": _occupancy_grid,
-    **vision.CONVERTERS,
+    **{kind: message.convert for kind, message in vision_messages().items()},
 }
 DECODABLE = frozenset(_CONVERTERS)
 """Types, as ROS 2 writes them, that ``decode`` turns into records."""

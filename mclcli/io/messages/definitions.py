@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from mclcli.io.messages.definition_texts import OLDER, OWN, ROS1, ROS2
+from mclcli.io.messages.sightings import vision_messages
 
 if TYPE_CHECKING:
     from rosbags.typesys.store import Typestore
@@ -81,7 +82,8 @@ def _store(name: str, age: int) -> Typestore:
     from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
     store = get_typestore(Stores[name])
-    own = {**OWN, **(ROS1 if name.startswith("ROS1") else ROS2)} if age == 0 else OLDER[age - 1]
+    seen = [text for message in vision_messages().values() for text in message.texts.items()]
+    own = {**OWN, **dict(seen), **(ROS1 if name.startswith("ROS1") else ROS2)} if age == 0 else OLDER[age - 1]
     types: dict[str, Any] = {}
     for kind, text in own.items():
         if kind not in store.fielddefs:

@@ -9,7 +9,7 @@ from mclcli.io.logs.base import Channel, RawMessage, Recorded
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
 
 _ENCODINGS = ("cdr", "ros1")
-_TYPES = sorted(DECODABLE, key=lambda kind: kind.startswith("tf/"))  # of two of the same layout, today's
+_TYPES = sorted(DECODABLE, key=lambda kind: (kind.startswith("tf/"), kind))  # of two of the same layout, today's
 
 
 @final

@@ -2,31 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, TypeAlias, final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from mclcli.errors import InputError
+from mclcli.io.messages.conversion import Parsed, Undecodable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mclcli.io.logs.base import Channel, RawMessage
 
-Parsed: TypeAlias = Any
-"""An object of a rosbags message class: attributes named as the fields, without static types."""
 _LONGEST = 16 << 20  # [bytes] of a message to be told as text: each number takes many times its bytes
 _MOST = 1024  # parsers kept
-
-
-@final
-@dataclass(frozen=True, slots=True)
-class Undecodable:
-    """A message that cannot be used, and why; the reason is the same text for the same trouble."""
-
-    reason: str
 
 
 # A channel's hash takes longer than a message's parsing. What stands here keeps its channel, and so its id.

@@ -6,21 +6,20 @@ A sighting that says nothing (no id, a point that is not finite) is left out and
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from mclcli.io.messages.conversion import Context, frame_name, read_only
-from mclcli.io.messages.parsing import Undecodable
+from mclcli.io.messages.conversion import Context, Undecodable, frame_name, read_only
+from mclcli.io.messages.sightings import VisionMessage
 from mclcli.records import CameraModel, LandmarkSightings, PixelSightings
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable
+    from collections.abc import Iterable
 
     from mclcli.arrays import FloatArray
-    from mclcli.io.messages.parsing import Parsed
+    from mclcli.io.messages.conversion import Parsed
 
-    Vision = LandmarkSightings | PixelSightings | CameraModel
     Found = Iterable[tuple[str, tuple[float, ...]]]
 
 NOT_FINITE = "sighting left out: no direction"
@@ -153,14 +152,10 @@ def _finite(found: Found, size: int, context: Context) -> tuple[tuple[str, ...],
     return ids, read_only(points[good])
 
 
-CONVERTERS: dict[str, Callable[[Any, Context], Vision | Undecodable]] = {
-    "sensor_msgs/msg/CameraInfo": _camera_info,
-    "ros2_aruco_interfaces/msg/ArucoMarkers": _aruco_markers,
-    "aruco_opencv_msgs/msg/ArucoDetection": _aruco_detection,
-    "aruco_opencv_msgs/msg/MarkerDetection": _aruco_detection,
-    "mcl_msgs/msg/LandmarkBearings": _landmark_bearings,
-    "apriltag_msgs/msg/AprilTagDetectionArray": _apriltags,
-    "vision_msgs/msg/Detection2DArray": _detections_2d,
-    "vision_msgs/msg/Detection3DArray": _detections_3d,
-}
-"""By type; ``Undecodable`` for messages that contradict themselves."""
+CAMERA_INFO = VisionMessage("calibration", _camera_info)
+ARUCO_MARKERS = VisionMessage("rays", _aruco_markers)
+ARUCO_DETECTION = VisionMessage("rays", _aruco_detection)
+LANDMARK_BEARINGS = VisionMessage("rays", _landmark_bearings)
+APRILTAGS = VisionMessage("pixels", _apriltags)
+DETECTIONS_2D = VisionMessage("pixels", _detections_2d)
+DETECTIONS_3D = VisionMessage("rays", _detections_3d)

@@ -16,6 +16,7 @@ import numpy as np
 
 from mclcli.geometry import pinhole
 from mclcli.io.messages.conversion import read_only
+from mclcli.io.messages.sightings import types_with
 from mclcli.io.messages.vision import NOT_FINITE
 from mclcli.records import CameraModel, LandmarkSightings, PixelSightings
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
     from mclcli.io.logs.base import Tally
     from mclcli.io.recording.survey import LogSurvey
 
-PIXELS = ("apriltag_msgs/msg/AprilTagDetectionArray", "vision_msgs/msg/Detection2DArray")
+PIXELS = types_with("pixels")
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 _RECTIFIED = re.compile(r"(^|[/_])rect(ified)?([/_]|$)", re.IGNORECASE)
 _KEPT = 64  # calibrations that a zoom camera changed through lately

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError, UsageError, nearest_name
+from mclcli.io.messages.sightings import types_with
 from mclcli.io.recording import cameras
 from mclcli.records import Odometry
 
@@ -16,14 +17,7 @@ if TYPE_CHECKING:
 
 SCAN = ("sensor_msgs/msg/LaserScan",)
 ODOMETRY = ("nav_msgs/msg/Odometry",)
-SIGHTINGS = (
-    "ros2_aruco_interfaces/msg/ArucoMarkers",
-    "aruco_opencv_msgs/msg/ArucoDetection",
-    "aruco_opencv_msgs/msg/MarkerDetection",
-    "vision_msgs/msg/Detection3DArray",
-    "mcl_msgs/msg/LandmarkBearings",
-    *cameras.PIXELS,
-)
+SIGHTINGS = (*types_with("rays"), *cameras.PIXELS)
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 MAP = ("nav_msgs/msg/OccupancyGrid",)
 TF = "tf"
