@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
+from mclcli import rng
 from mclcli.filter.kld import KldParameters, limit
 from mclcli.filter.localizer import Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
+from mclcli.filter.recovery import Averages, RecoveryParameters
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
 from tests.reference import kld as naive
@@ -108,3 +111,21 @@ def test_what_remains_where_no_weight_is_left(choice: Degenerate, expected: list
     _, record = localizer.step(state, STILL, [nothing], 1)
     assert record.degenerate
     np.testing.assert_allclose(record.weights, expected, rtol=1e-12)
+
+
+def test_every_draw_is_of_the_seed_the_step_and_a_purpose_of_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[tuple[int, rng.Purpose, int]] = []
+    stream = rng.stream
+
+    def noting(seed: int, purpose: rng.Purpose, step: int) -> np.random.Generator:
+        asked.append((seed, purpose, step))
+        return stream(seed, purpose, step)
+
+    monkeypatch.setattr(rng, "stream", noting)
+    localizer = Localizer(QUIET, FilterParameters(), 77, KldParameters(20, 200), RecoveryParameters("uniform"))
+    start = dataclasses.replace(initial_state(spread(200), step=5), averages=Averages(0.0, -2.0))
+    poor = Measurement("lidar", lambda p: np.full(len(p), -2.0), 1, 0.0)
+    localizer.step(start, STILL, [poor], 0, propose=lambda _, n, __: np.zeros((n, 3)))
+    purpose = rng.Purpose
+    drawn = [purpose.MOTION, purpose.LOT, purpose.RECOVERY, purpose.KLD, purpose.RESAMPLE]
+    assert asked == [(77, name, 5) for name in drawn]

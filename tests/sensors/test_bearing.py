@@ -214,3 +214,9 @@ def test_the_length_of_a_ray_does_not_count() -> None:
 def test_a_standard_deviation_above_a_radian_is_refused() -> None:
     with pytest.raises(UsageError, match="sigma_bearing"):
         BearingParameters(sigma_bearing=1.1)
+
+
+@pytest.mark.parametrize("eps", [-0.01, 1.01])
+def test_a_share_of_outliers_is_a_share(eps: float) -> None:
+    with pytest.raises(UsageError, match="eps_outlier"):
+        BearingParameters(eps_outlier=eps)
