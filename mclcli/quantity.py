@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import sys
 
@@ -17,11 +18,14 @@ FARTHEST = 1e9
 robot goes there, and squares, sums and divisions by the smallest cells stay far from overflow."""
 MOST_TURNED = 1e6
 """What no angle is beyond [rad]: up to here cosines keep their digits (``geometry.trigonometry``)."""
+_TURN = 2.0 * math.pi + 1e-3
 _LARGEST = {"m": FARTHEST, "rad": MOST_TURNED}
 
 
 def parse_quantity(text: str, unit: str, what: str) -> float:
     """Value of a number in SI units; a plain number already is in ``unit`` (``rad``, ``m``, ``s`` or none).
+
+    An angle without a unit that is more than a turn is taken as it stands, with a warning.
 
     Raises
     ------
@@ -42,9 +46,18 @@ def parse_quantity(text: str, unit: str, what: str) -> float:
         kind = f"a number in {unit}, or with a unit ({', '.join(units)})" if units else "a number"
         raise UsageError(f"{what}: '{text}' is not {kind}")
     value = math.radians(value) if suffix in {"deg", "°"} else value * units.get(suffix, 1.0)
+    if unit == "rad" and not suffix and looks_like_degrees(value):
+        logging.getLogger("mclcli").warning(
+            "%s: %s rad looks like degrees; for degrees write %sdeg", what, stripped, stripped
+        )
     if abs(value) > (limit := _LARGEST.get(unit, sys.float_info.max)):
         raise UsageError(f"{what}: '{text}' is beyond {limit:g} {unit}")
     return value
+
+
+def looks_like_degrees(yaw: float) -> bool:
+    """Whether an angle in radians is more than a turn: nobody writes that, except in degrees."""
+    return abs(yaw) > _TURN
 
 
 def parse_list(text: str, units: tuple[str, ...], what: str) -> tuple[float, ...]:

@@ -33,6 +33,25 @@ def test_units(text: str, unit: str, value: float) -> None:
 
 
 @pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("-23", "x: -23 rad looks like degrees; for degrees write -23deg"),
+        ("90", "for degrees write 90deg"),
+        ("6.29", "for degrees write 6.29deg"),
+        *(("-23deg", ""), ("720°", ""), ("90rad", ""), ("6.2832", ""), ("-3.2", "")),
+    ],
+)
+def test_a_plain_angle_of_more_than_a_turn_looks_like_degrees(
+    text: str, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    parse_quantity(text, "rad", "x")
+    assert told in caplog.text
+    assert bool(told) == bool(caplog.records)
+    parse_quantity("90", "m", "x")
+    assert len(caplog.records) == bool(told)
+
+
+@pytest.mark.parametrize(
     ("text", "unit"),
     [
         *(("", "m"), ("m", "m"), ("5deg", "m"), ("5m", "rad"), ("5m", ""), ("nan", "m"), ("inf", "m"), ("1e999", "")),

@@ -77,8 +77,13 @@ def check(data: bytes, changes: dict[str, str | None], pixels: Pixels, code: int
 
 
 def picture(rng: random.Random) -> Pixels:
-    """Gray values (H, W) that no shift by a pixel leaves alone."""
-    return np.array([[rng.choice(GRAYS) for _ in range(WIDTH)] for _ in range(HEIGHT)], np.uint8)
+    """Gray values (H, W) that no shift by a pixel leaves alone; the last is white.
+
+    A black one that was pushed out could not be told from a zero after the pixels.
+    """
+    pixels = np.array([[rng.choice(GRAYS) for _ in range(WIDTH)] for _ in range(HEIGHT)], np.uint8)
+    pixels[-1, -1] = 254
+    return pixels
 
 
 def pgm(pixels: Pixels) -> bytes:
@@ -94,6 +99,9 @@ def encodings(pixels: Pixels) -> dict[str, bytes]:
         "P5": pgm(pixels),
         "P5 with comments": b"P5\n# by hand\n" + size + b"\n# more\n255\n" + pixels.tobytes(),
         "P5 on one line": b"P5 " + size + b" 255 " + pixels.tobytes(),
+        "P5 with a line end": pgm(pixels) + b"\n",
+        "P5 with zeros": pgm(pixels) + bytes(9),
+        "P5 twice": pgm(pixels) * 2,
         "P5 of 16 bits": b"P5\n" + size + b"\n65535\n" + wide,
         "P2": b"P2\n" + size + b"\n255\n" + b" ".join(b"%d" % value for value in flat),
         "P2 with CRLF": b"P2\r\n" + size + b"\r\n255\r\n" + b"\r\n".join(b"%d" % value for value in flat),
@@ -134,7 +142,9 @@ def _damaged(pixels: Pixels, rng: random.Random) -> Iterator[tuple[str, bytes]]:
         yield f"{name} without one byte", data[:at] + data[at + 1 :]
         yield f"{name} with one byte more", data[:at] + b"\xfe" + data[at:]
     raw = pgm(pixels)
+    lined = b"P5 %d %d 255 " % (WIDTH, HEIGHT) + np.where(pixels == 205, 10, pixels).astype(np.uint8).tobytes()
     yield "P5 through a text editor", raw.replace(b"\n", b"\r\n")
+    yield "P5 on one line through a text editor", lined.replace(b"\n", b"\r\n")
     yield "P5 in UTF-8", raw.decode("latin-1").encode()
     yield "P5 with a comment after maxval", raw.replace(b"255\n", b"255\n# late\n", 1)
     yield "P5 of maxval 0", raw.replace(b"255", b"0", 1)
@@ -165,7 +175,7 @@ def _damaged(pixels: Pixels, rng: random.Random) -> Iterator[tuple[str, bytes]]:
 YAMLS: list[tuple[dict[str, str | None], int | None]] = [
     ({}, None),
     ({"resolution": "5e-2"}, None),
-    ({"mode": "trinary"}, None),
+    ({"mode": "Trinary"}, None),
     ({"negate": "false"}, None),
     ({"resolution": "0"}, 2),
     ({"resolution": "-0.05"}, 2),
@@ -184,7 +194,8 @@ YAMLS: list[tuple[dict[str, str | None], int | None]] = [
     ({"occupied_thresh": "65"}, 2),
     ({"mode": "trinery"}, 2),
     ({"negate": "maybe"}, 2),
-    ({"image": "../m.pgm"}, 2),
+    ({"image": "../m.pgm"}, None),
+    ({"image": "../none.pgm"}, 2),
     ({"image": "/etc/passwd"}, 2),
     ({"image": "none.pgm"}, 2),
     ({"image": '"a\\0b"'}, 2),

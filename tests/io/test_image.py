@@ -140,7 +140,15 @@ def test_colours_become_gray_as_in_graphicsmagick(tmp_path: Path) -> None:
     ("image", "named"),
     [
         (PGM[:-1], "5 bytes of pixels where the header says 6"),
-        (PGM + b"\n", "more than the 6 bytes"),
+        (PGM + b"\xfe", "1 bytes more than the 6 bytes"),
+        (PGM + b"\n\xfe", "2 bytes more than the 6 bytes"),
+        (PGM[:-2] + b"\x80\0\n\n\xfe", "more than the 6 bytes"),
+        (b"P5 3 2 255 " + b"\r\n\xfe\xcd\xfe\xfe\0", "every line end among its pixels is CRLF"),
+        (b"P5 3 2 255 " + b"\r\n\xfe\xcd\xfe\xfe\0\r\n", "every line end among its pixels is CRLF"),
+        (b"P5\r\n3 2\n255\n" + PIXELS + b"\n", "CRLF"),
+        (b"P2 3 2 255 1 2 3 4 5 6 7\0", "more numbers than the 6"),
+        (b"P2 3 2 255 1 2 3 4 5\0", "5 numbers where"),
+        (b"P2 3 2 255 1 2 3\0 4 5 6", "among the numbers"),
         (b"P5\r\n3 2\r\n255\r\n" + PIXELS, "CRLF"),
         (PGM.replace(b"\n", b"\r\n"), "CRLF"),
         (b"P5\n3 2\n255\r\n" + PIXELS[1:], "CRLF"),
@@ -213,6 +221,55 @@ def test_no_damage_escapes_or_shifts_pixels(tmp_path: Path, kind: str) -> None:
                 assert "\n" not in str(error)  # noqa: PT017 - the message is what matters
             else:
                 assert grid.cells.size <= 10_000
+
+
+TAILS = {
+    "a line end": (b"\n", "(1, line ends)"),
+    "CRLF": (b"\r\n", "(2, line ends)"),
+    "a zero": (b"\0", "(1, zeros)"),
+    "a block of zeros": (b"\n" + bytes(500), "(501, line ends and zeros)"),
+    "a blank and the end mark of DOS": (b" \x1a", "(2, blanks)"),
+    "another image": (b"\n" + PGM, f"({len(PGM) + 1}, another image)"),
+    "another image, without a line end": (b"P2 # again\n1 1\n9\n5", "another image)"),
+}
+
+
+@pytest.mark.parametrize("tail", TAILS)
+@pytest.mark.parametrize("kind", FORMATS)
+def test_what_follows_the_last_pixel_is_passed_over_with_a_warning(
+    tmp_path: Path, kind: str, tail: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    data, told = TAILS[tail]
+    assert load(tmp_path, FORMATS[kind] + data).cells.tolist() == CELLS
+    if FORMATS[kind][:2] in {b"P2", b"P3"} and not data.strip(b"\r\n"):
+        assert not caplog.records, "white space ends a text"
+        return
+    record = caplog.records[0]  # gray 205 with alpha draws another
+    assert record.levelname == "WARNING"
+    assert record.getMessage().startswith(f"{tmp_path / 'm.pgm'}: bytes follow the last pixel (")
+    if FORMATS[kind][:2] not in {b"P2", b"P3"} and FORMATS[kind][:1] == b"P":
+        assert told in record.getMessage()
+
+
+@pytest.mark.parametrize("image", [b"P4\n3 2\n\xa0\x40", b"P1\n3 2\n101010"])
+@pytest.mark.parametrize("tail", [b"\n\0", b"\r\n\0", b"\0", b"P4\n1 1\n\0"])
+def test_bitmaps_too(tmp_path: Path, image: bytes, tail: bytes, caplog: pytest.LogCaptureFixture) -> None:
+    assert load(tmp_path, image + tail).cells.tolist() == [[0, 100, 0], [100, 0, 100]]
+    assert "bytes follow the last pixel" in caplog.text
+
+
+@pytest.mark.parametrize("kind", ["png gray", "bmp gray"])
+def test_anything_may_follow_where_the_file_says_how_long_it_is(
+    tmp_path: Path, kind: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert load(tmp_path, FORMATS[kind] + b"\xfe\0made by x").cells.tolist() == CELLS
+    assert "(11, of another kind)" in caplog.text
+
+
+def test_a_lone_line_end_among_pixels_is_a_gray_value(tmp_path: Path) -> None:
+    """Pixels of 13 and 10 as in a map of many grays: not every 10 follows a 13, so nothing was converted."""
+    pixels = bytes([13, 10, 10, 254, 254, 0])
+    assert load(tmp_path, b"P5 3 2 255 " + pixels + b"\n").cells.tolist() == [[0, 0, 100], [100, 100, 100]]
 
 
 # --- bounds

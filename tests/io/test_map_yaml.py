@@ -131,14 +131,20 @@ def test_the_fast_path_is_the_table(height: int, width: int, maxval: int, seed: 
         ("image", '"a\\0b"', "line 1"),
         ("image", "x" * 5000, "line 1"),
         ("image", ".", "line 1"),
-        ("image", "../m.pgm", "--allow-outside"),
+        ("image", "../m.pgm", "image: no such file '../m.pgm', line 1; put m.pgm beside the YAML"),
+        ("image", "/none/of/this.pgm", "no such file '/none/of/this.pgm', line 1; put this.pgm beside the YAML"),
+        ("image", r"C:\maps\n.pgm", r"no such file 'C:\maps\n.pgm', line 1; put n.pgm beside the YAML"),
         ("image", "/etc/hostname", "--allow-outside"),
     ],
 )
 def test_wrong_values_name_key_and_line(tmp_path: Path, key: str, value: str | None, named: str) -> None:
+    folder = tmp_path / "maps"
+    folder.mkdir()
+    path = write_map(folder, **{key: value})
+    (folder / "m.pgm").rename(folder / "other.pgm" if value == "../m.pgm" else folder / "m.pgm")
     with pytest.raises(UsageError) as caught:
-        load_map(write_map(tmp_path, **{key: value}))
-    assert str(caught.value).startswith(f"{tmp_path / 'm.yaml'}: ")
+        load_map(path)
+    assert str(caught.value).startswith(f"{folder / 'm.yaml'}: ")
     assert key in str(caught.value)
     assert named in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -191,9 +197,124 @@ def test_images_outside_need_a_flag(tmp_path: Path) -> None:
     (tmp_path / "maps").mkdir()
     (tmp_path / "m.pgm").write_bytes(PGM)
     path = write_map(tmp_path / "maps", image="../m.pgm")
+    (tmp_path / "maps" / "m.pgm").unlink()
     with pytest.raises(UsageError, match="--allow-outside"):
         load_map(path)
     assert load_map(path, allow_outside=True).cells.tolist() == CELLS
+
+
+@pytest.mark.parametrize(
+    "image",
+    ["/home/someone/maps/m.pgm", "maps/m.pgm", "../elsewhere/m.pgm", r"C:\Users\someone\m.pgm", r"..\m.pgm", "~/m.pgm"],
+)
+def test_an_image_of_another_machine_is_the_one_beside_the_yaml(
+    tmp_path: Path, image: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert load(tmp_path, image=f"'{image}'").cells.tolist() == CELLS
+    (record,) = caplog.records
+    assert record.getMessage() == (
+        f"{tmp_path / 'm.yaml'}: image: '{image}' does not exist, line 1; m.pgm beside the YAML is used"
+    )
+
+
+def test_the_image_beside_the_yaml_comes_before_one_outside(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "m.pgm").write_bytes(b"P5 1 1 255 \0")
+    path = write_map(tmp_path / "maps", image="../m.pgm")
+    assert load_map(path).cells.tolist() == CELLS
+    assert "lies outside the YAML's folder (--allow-outside takes it), line 1; m.pgm beside" in caplog.text
+    assert load_map(path, allow_outside=True).cells.tolist() == [[100]]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="symbolic links need rights on Windows")
+def test_a_link_beside_the_yaml_does_not_lead_outside(tmp_path: Path) -> None:
+    (tmp_path / "maps").mkdir()
+    (tmp_path / "secret.pgm").write_bytes(PGM)
+    path = write_map(tmp_path / "maps", image="/elsewhere/m.pgm")
+    (tmp_path / "maps" / "m.pgm").unlink()
+    (tmp_path / "maps" / "m.pgm").symlink_to(tmp_path / "secret.pgm")
+    with pytest.raises(UsageError, match="no such file"):
+        load_map(path)
+
+
+@pytest.mark.parametrize("mode", ["Trinary", "TRINARY", "'trinarY'", "Scale", "RAW"])
+def test_modes_in_any_case(tmp_path: Path, mode: str) -> None:
+    assert np.array_equal(load(tmp_path, mode=mode).cells, load(tmp_path, mode=mode.strip("'").lower()).cells)
+
+
+@pytest.mark.parametrize("libyaml", [True, False])
+@pytest.mark.parametrize(
+    "change",
+    [
+        ("resolution: ", "resolution:\t"),
+        ("resolution: ", "resolution: \t "),
+        ("resolution: ", "resolution\t: "),
+        ("0.05\n", "0.05\t\n"),
+        ("0.05\n", "0.05\t# m\n"),
+        ("0.05\n", "0.05\n\t\n\t# more\n"),
+        ("[-1.0, 2.0, 0.5]", "\t[\t-1.0,\t2.0 ,\t0.5\t]"),
+        ("[-1.0, 2.0, 0.5]", "\n-\t-1.0\n-\t2.0\n- \t0.5"),
+    ],
+)
+def test_tabs_separate(
+    tmp_path: Path,
+    change: tuple[str, str],
+    libyaml: bool,  # noqa: FBT001 - a parameter of the test
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Whichever of PyYAML's two parsers there is."""
+    if not libyaml:
+        monkeypatch.setattr("yaml.__with_libyaml__", False)
+    path = write_map(tmp_path)
+    path.write_text(path.read_text().replace(*change))
+    grid = load_map(path)
+    assert (grid.cells.tolist(), grid.resolution, grid.origin.tolist()) == (CELLS, 0.05, [-1.0, 2.0, 0.5])
+
+
+# --- what can hardly be meant
+
+ROOM = b"P5 4 4 255 " + bytes([0, 0, 0, 0, 0, 254, 254, 0, 254, 254, 205, 254, 205, 205, 205, 254])
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({"negate": "1", "occupied_thresh": "0.5"}, "cells are occupied; check negate (1), occupied_thresh (0.5) and"),
+        ({"occupied_thresh": "0.1", "free_thresh": "0.001"}, "% of its cells are occupied; check negate (0)"),
+        ({"free_thresh": "0.0"}, "none of its cells is free; check negate (0), occupied_thresh (0.65) and free_"),
+        ({"resolution": "5"}, "its cells are 5 m wide; check resolution (metres per cell)"),
+        ({"resolution": "0.0005"}, "its cells are 0.0005 m wide; check resolution"),
+        ({"origin": "[0, 0, 90]"}, "origin: yaw 90 rad looks like degrees, line 3; for 90 deg write 1.5708"),
+        ({"origin": "[0, 0, -45.5]"}, "origin: yaw -45.5 rad looks like degrees"),
+    ],
+)
+def test_a_map_that_can_hardly_be_meant_draws_one_line(
+    tmp_path: Path, changes: dict[str, str], told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    load(tmp_path, ROOM, **changes)
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert record.getMessage().startswith(f"{tmp_path / 'm.yaml'}: ")
+    assert told in record.getMessage()
+
+
+def test_several_doubts_are_one_line(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    load(tmp_path, b"P5 2 1 255 \0\0", resolution="50")
+    (record,) = caplog.records
+    assert "100 % of its cells are occupied" in record.getMessage()
+    assert "; its cells are 50 m wide" in record.getMessage()
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{}, {"resolution": "1.0"}, {"resolution": "0.001"}, {"origin": "[0, 0, 6.2832]"}, {"mode": "scale"}],
+)
+def test_other_maps_draw_none(tmp_path: Path, changes: dict[str, str], caplog: pytest.LogCaptureFixture) -> None:
+    load(tmp_path, ROOM, **changes)
+    assert not caplog.records
+
+
+# --- links
 
 
 @pytest.mark.skipif(os.name == "nt", reason="symbolic links need rights on Windows")
@@ -265,7 +386,7 @@ REAL = {
 
 
 @pytest.mark.parametrize("name", REAL)
-def test_real_maps(name: str) -> None:
+def test_real_maps(name: str, caplog: pytest.LogCaptureFixture) -> None:
     expected, path = REAL[name], shared(name)
     if isinstance(expected, str):
         with pytest.raises(UsageError) as caught:
@@ -273,5 +394,6 @@ def test_real_maps(name: str) -> None:
         assert expected in str(caught.value)
         return
     grid = load_map(path)
+    assert all("free_thresh equals" in record.getMessage() for record in caplog.records)
     counts = tuple(int(kind.sum()) for kind in (grid.free, grid.occupied, grid.unknown))
     assert (grid.cells.shape, *counts) == expected

@@ -96,15 +96,29 @@ _GOOD = "1 0 0 0 0 0 0 1\n"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (_GOOD + "1 0 0 0 0 0 0 1\n", "stamp 1.000000000 does not increase, line 2;"),
-        (_GOOD + "\n0.5 0 0 0 0 0 0 1\n", "does not increase, line 3;"),
         (_GOOD + "2 0 nan 0 0 0 0 1\n", "'nan' is not a finite number, line 2;"),
         (_GOOD + "2 0 1_0 0 0 0 0 1\n", "'1_0' is not a finite number, line 2;"),
         (_GOOD + "2 1e999 0 0 0 0 0 1\n", "'1e999' is not a finite number, line 2;"),
         (_GOOD + "2 0 0 0 0 0 0\n", "7 fields instead of 8, line 2;"),
         (_GOOD + "2 0 0 0 0 0 0 0\n", "quaternion of length 0 instead of 1, line 2;"),
         (_GOOD + "two 0 0 0 0 0 0 1\n", "'two' is not a stamp in seconds, line 2;"),
-        ("1e30 0 0 0 0 0 0 1\n", "stamp '1e30' is out of range, line 1;"),
+        (_GOOD + "2 0 0 0 0 0 0 1e-4\n", "quaternion of length 0.0001 instead of 1, line 2;"),
+        (_GOOD + "2 0 0 0 0 0 0 1e200\n", "quaternion of length inf instead of 1, line 2;"),
+        ("1e30 0 0 0 0 0 0 1\n", "stamp '1e30' is out of range; seconds are expected, not nanoseconds, line 1;"),
+        ("1403636579763555584 0 0 0 0 0 0 1\n", "is out of range; seconds are expected, not nanoseconds, line 1;"),
+        (
+            "1 0 0 0 0 1 0 0 0 0 1 0\n",
+            "is a KITTI file (12 numbers a row: a 3 × 4 matrix, no stamp); convert it, with its",
+        ),
+        ("0 1 0 0 0 0 1 0 0 0 0 1 0\n", "is a KITTI file (13 numbers"),
+        ("1 0 0 0 0 1 0 0 0 0 1 x\n", "12 fields instead of 8"),
+        (_GOOD + "1 0 0 0 0 1 0 0 0 0 1 0\n", "12 fields instead of 8, line 2"),
+        (
+            "#timestamp, p_RS_R_x [m]\n1403636580838555648,4.6,-1.7,0.8,0.5,-0.1,-0.8,-0.1,0,0,0,0,0,0,0,0,0\n",
+            "is a EuRoC file (stamps in ns, quaternions with w first); convert it by evo_traj euroc ",
+        ),
+        ("1403636580838555648, 4.6, -1.7, 0.8, 0.5, -0.1, -0.8, -0.1\n", "is a EuRoC file"),
+        ("1.5, 4.6, -1.7, 0.8, 0.5, -0.1, -0.8, -0.1\n", "has numbers between commas and no header; expected"),
         ("stamp,x,y\n1,2,3\n", "no column yaw in the header, line 1;"),
         ("stamp,x,y,yaw\n1,2,3\n", "3 fields instead of 4, line 2;"),
         ("", "holds no pose;"),
@@ -147,5 +161,74 @@ def test_a_later_segment_overrules_what_it_covers(tmp_path: Path) -> None:
     assert found.updated is not None
     assert found.updated.tolist() == [True, True, False]
     path.write_text("\n".join([*rows[:4], "1.5,9,0,0,1,0"]))
-    with pytest.raises(InputError, match="does not increase, line 5"):
-        read_tum(path)
+    assert read_tum(path).poses[:, 0].tolist() == [0.0, 9.0, 0.0, 0.0]
+    with pytest.raises(InputError, match="rows are not in order of time, first on line 5"):
+        read_tum(path, strict=True)
+
+
+# --- as benchmarks publish them
+
+_ROWS = [f"{10 + 0.1 * i:.4f} {i} {-i} 0 0 0 {np.sin(0.05 * i):.9f} {np.cos(0.05 * i):.9f}" for i in range(12)]
+
+
+def _longer(row: str, factor: float) -> str:
+    fields = row.split()
+    return " ".join([*fields[:4], *(f"{factor * float(field):.9f}" for field in fields[4:])])
+
+
+VARIANTS = {
+    "a row twice": (
+        [*_ROWS[:5], _ROWS[4], *_ROWS[5:]],
+        "have the stamp of an earlier one: 1, first on line 6; the first",
+    ),
+    "a stamp twice": (
+        [*_ROWS[:5], _ROWS[4].replace("4 -4", "4.5 -4.5"), *_ROWS[5:]],
+        "have the stamp of an earlier one: 1, first on line 6; the first of each is used",
+    ),
+    "a stamp three times": (
+        [*_ROWS[:5], _ROWS[4], _ROWS[4], *_ROWS[5:]],
+        "have the stamp of an earlier one: 2, first on line 6",
+    ),
+    "two rows swapped": (
+        [*_ROWS[:5], _ROWS[6], _ROWS[5], *_ROWS[7:]],
+        "are not in order of time: 1, first on line 7; sor",
+    ),
+    "reversed": (_ROWS[::-1], "are not in order of time: 11, first on line 2; sorted"),
+    "two pieces, the later first": (_ROWS[6:] + _ROWS[:6], "are not in order of time: 6, first on line 7; sorted"),
+    "quaternions of length 2": (
+        [_longer(row, 2.0) for row in _ROWS],
+        "have a quaternion of another length than 1: 12, first on line 1; normalised",
+    ),
+    "one short quaternion": (
+        [*_ROWS[:5], _longer(_ROWS[5], 0.5), *_ROWS[6:]],
+        "have a quaternion of another length than 1: 1, first on line 6; normalised",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+def test_references_as_published_are_the_clean_one(tmp_path: Path, name: str, caplog: pytest.LogCaptureFixture) -> None:
+    clean = _read(tmp_path, "\n".join(_ROWS))
+    assert not caplog.records
+    rows, told = VARIANTS[name]
+    stamps, poses = _read(tmp_path, "\n".join(rows))
+    assert stamps == clean[0]
+    np.testing.assert_allclose(poses, clean[1], atol=1e-8)
+    (record,) = caplog.records
+    assert record.levelname == "WARNING"
+    assert f"{tmp_path / 't.tum'}: rows that {told}" in record.getMessage()
+    with pytest.raises(InputError, match=r"t\.tum: rows (are|have) .*, first on line \d+ \(\d+ in all\); "):
+        read_tum(tmp_path / "t.tum", strict=True)
+
+
+def test_a_csv_is_set_right_too(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    stamps, poses = _read(tmp_path, "stamp,x,y,yaw\n1,1,0,0\n3,3,0,0\n2,2,0,0\n3,9,0,0\n")
+    assert stamps == [10**9, 2 * 10**9, 3 * 10**9]
+    assert [x for x, _, _ in poses] == [1.0, 2.0, 3.0]
+    assert len(caplog.records) == 2
+
+
+def test_what_is_clean_is_not_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.tum"
+    path.write_text("\n".join(_ROWS))
+    assert read_tum(path, strict=True).stamps_ns.size == len(_ROWS)

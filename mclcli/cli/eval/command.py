@@ -42,10 +42,10 @@ def command(options: EvalOptions) -> ExitCode:
     protocol, inputs = options.protocol, options.input_files(names)
     if options.picture:
         open_output(options.picture, binary=True, inputs=inputs)  # refuses now, not at the end
-    truth, damaged = read_checked(options.truth)
+    truth, damaged = read_checked(options.truth, strict=options.strict)
     evaluations = []
     for name in names:
-        track, lossy = read_checked(name)
+        track, lossy = read_checked(name, strict=options.strict)
         damaged = damaged or lossy
         evaluations.append(_evaluate(track, truth, protocol, name))
     complaints = [(e.name, sentence) for e in evaluations for sentence in missed(e, options.limits)]

@@ -35,6 +35,7 @@ class EvalOptions:
     picture: str | None
     map_file: Path | None
     align: bool
+    strict: bool
     associate: Method
     max_gap_ns: int
     max_diff_ns: int
@@ -191,6 +192,11 @@ eval_options = options.all_of(
     click.option("--picture", metavar="F.png", help="Draw the tracks over the reference, and errors over time."),
     click.option("--map", "map_file", type=click.Path(path_type=Path), help="Map to draw beneath, a map_server YAML."),
     click.option("--align", is_flag=True, help="Move each track rigidly in the plane to where it fits best."),
+    click.option(
+        "--strict",
+        is_flag=True,
+        help="Refuse rows out of order, stamps there twice, quaternions of another length than 1, damaged logs.",
+    ),
     click.option(
         "--associate",
         type=click.Choice(get_args(Method)),

@@ -17,12 +17,13 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.errors import InputError
-from mclcli.io.maps import netpbm, png_check
+from mclcli.io.maps import after_pixels, netpbm, png_check
 from mclcli.io.tables.text_file import refuse_stand_ins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from numpy.typing import NDArray
     from PIL.Image import Image
 
     from mclcli.arrays import BoolArray
@@ -38,12 +39,14 @@ _STRIP = 1 << 20  # pixels converted at a time
 class Raster:
     """Gray values (H, W) uint8 or uint16 from 0 (black) to ``maxval``, row 0 at the top.
 
-    ``transparent`` (H, W) marks the pixels that are not fully opaque; None if all are.
+    ``transparent`` (H, W) marks the pixels that are not fully opaque; None if all are. ``sums`` (H, W) uint16 are red,
+    green, blue and opacity, 255 each, added up; None without an alpha channel.
     """
 
     gray: Samples
     maxval: int
     transparent: BoolArray | None = None
+    sums: NDArray[np.uint16] | None = None
 
 
 def is_image(head: bytes) -> bool:
@@ -153,20 +156,29 @@ def _raster(image: Image) -> Raster:
     hidden = image.info.get("transparency")
     if image.mode.startswith("I"):
         gray = np.asarray(image).astype(np.uint16)
-        return Raster(gray, 65535, gray == hidden if isinstance(hidden, int) else None)
+        if not isinstance(hidden, int):
+            return Raster(gray, 65535)
+        clear = gray == hidden
+        return Raster(gray, 65535, clear, np.where(clear, 0, 255).astype(np.uint16) + 3 * (gray // 257))
     if image.mode in {"1", "L"} and hidden is None:
         return Raster(np.asarray(image.convert("L")), 255)
     gray = np.empty((image.height, image.width), np.uint8)
     transparent = np.zeros(gray.shape, np.bool_)
+    alpha = hidden is not None or image.mode in {"LA", "PA", "RGBA"}
+    sums = np.zeros(gray.shape, np.uint16) if alpha else None
     for rows in _strips(*gray.shape):
         strip = np.asarray(image.crop((0, rows.start, image.width, rows.stop)).convert("RGBA"))
         gray[rows] = _luma(strip)
-        transparent[rows] = strip[..., 3] < 255
-    return Raster(gray, 255, transparent if transparent.any() else None)
+        if sums is not None:
+            transparent[rows] = strip[..., 3] < 255
+            sums[rows] = strip.sum(axis=-1, dtype=np.uint16)
+    return Raster(gray, 255, transparent if transparent.any() else None, sums)
 
 
 def _check_bmp(data: bytes, name: str) -> None:
     """Check the file's length, where the header has it: Pillow takes a row without its last padding bytes."""
-    (length,) = struct.unpack_from("<I", data, 2)
+    length, _, pixels = struct.unpack_from("<III", data, 2)
     if length > len(data):
         raise InputError(f"{name}: damaged image: cut off after {len(data)} of {length} bytes; copy it again")
+    if length > pixels:  # some writers leave it 0
+        after_pixels.tell(memoryview(data)[length:], name)

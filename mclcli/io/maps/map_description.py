@@ -129,9 +129,9 @@ def _truth(document: Document) -> bool:
 def _mode(document: Document) -> Mode:
     value = cast("dict[str, Value]", document.value).get("mode", "trinary")
     for mode in MODES:
-        if value == mode:
+        if isinstance(value, str) and value.lower() == mode:
             return mode
-    hint = nearest_name(str(value), list(MODES))
+    hint = nearest_name(str(value).lower(), list(MODES))
     raise wrong("mode", document, f"'{clean(str(value), 40)}' is not trinary, scale or raw{hint}")
 
 

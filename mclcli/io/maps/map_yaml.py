@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import logging
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.maps import image
+from mclcli.io.maps import alpha, doubts, image
 from mclcli.io.maps.map_description import describe, wrong
 from mclcli.io.tables import safe_yaml
 from mclcli.text import clean
@@ -27,10 +29,12 @@ _SUFFIXES = (".pgm", ".pbm", ".ppm", ".pnm", ".png", ".bmp", ".jpg", ".jpeg", ".
 def load_map(yaml_path: str | Path, *, max_cells: int = MAX_CELLS, allow_outside: bool = False) -> OccupancyGrid:
     """Load the map that a map_server YAML describes.
 
+    Warnings tell of opacity, of bytes after the pixels, and of what can hardly be meant.
+
     Parameters
     ----------
     yaml_path
-        The YAML; its ``image`` is looked for relative to the YAML's folder.
+        The YAML; its ``image`` is looked for relative to the YAML's folder, then by its bare name beside the YAML.
     max_cells
         Most pixels an image may have; checked in its header, before it is decoded.
     allow_outside
@@ -52,7 +56,10 @@ def load_map(yaml_path: str | Path, *, max_cells: int = MAX_CELLS, allow_outside
         raster = image.read_image(where, max_cells)
     except OSError as error:
         raise InputError(f"{where}: cannot read: {error.strerror or error}; check the file") from error
-    return OccupancyGrid(to_cells(raster, description), description.resolution, np.array(description.origin))
+    grid = OccupancyGrid(to_cells(raster, description), description.resolution, np.array(description.origin))
+    alpha.tell(raster, description, grid.cells, str(where))
+    doubts.tell(grid, description, document)
+    return grid
 
 
 def to_cells(raster: image.Raster, description: MapDescription) -> NDArray[np.int8]:
@@ -114,18 +121,34 @@ def _read_yaml(path: Path) -> Document:
 
 
 def _image_path(path: Path, name: str, document: Document, *, allow_outside: bool) -> Path:
-    """Where the image lies; refused outside the YAML's folder, which is also where a link to the YAML leads."""
+    """Where the image lies; refused outside the YAML's folder, which is also where a link to the YAML leads.
+
+    Where that cannot be used, a file of the same bare name beside the YAML is taken, and said: maps are copied from
+    machine to machine, their YAML with the paths of the first one.
+    """
+    folders = (path.parent.resolve(), path.resolve().parent)
     try:
         where = (path.parent / name).resolve()
-        exists, folders = where.is_file(), (path.parent.resolve(), path.resolve().parent)
+        exists, inside = where.is_file(), any(where.is_relative_to(folder) for folder in folders)
     except (OSError, ValueError, RuntimeError):  # a NUL, a name too long, links in a circle
         raise wrong("image", document, f"'{clean(name, 100)}' cannot be a file") from None
-    if not allow_outside and not any(where.is_relative_to(folder) for folder in folders):
+    if exists and (inside or allow_outside):
+        return path.parent / name
+    bare = re.split(r"[/\\]", name)[-1]
+    for folder in folders:
+        beside = folder / bare
+        if beside.is_file() and any(beside.resolve().is_relative_to(home) for home in folders):
+            what = "lies outside the YAML's folder (--allow-outside takes it)" if exists else "does not exist"
+            text = "%s: image: '%s' %s, line %d; %s beside the YAML is used"
+            logging.getLogger("mclcli").warning(
+                text, document.name, clean(name, 100), what, document.line("image"), clean(bare, 100)
+            )
+            return beside
+    if exists:
         raise wrong(
             "image", document, f"'{clean(name, 100)}' lies outside the YAML's folder (--allow-outside permits it)"
         )
-    if not exists:
-        raise wrong(
-            "image", document, f"no such file '{clean(name, 100)}'", "put it beside the YAML, or correct the name"
-        )
-    return path.parent / name
+    remedy = "put it beside the YAML, or correct the name"
+    if bare and bare != name:
+        remedy = f"put {clean(bare, 100)} beside the YAML"
+    raise wrong("image", document, f"no such file '{clean(name, 100)}'", remedy)

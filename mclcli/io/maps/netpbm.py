@@ -1,6 +1,7 @@
-"""PGM, PBM and PPM read to the letter: a file with one byte too many or too few is refused, not shifted.
+"""PGM, PBM and PPM read to the letter: pixels that are missing or may have shifted are refused.
 
-Source: the format pages pbm(5), pgm(5), ppm(5) of Netpbm.
+What follows complete pixels is passed over with a warning if it can be no pixels that were pushed out
+(``mclcli.io.maps.after_pixels``). Source: the format pages pbm(5), pgm(5), ppm(5) of Netpbm.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.errors import InputError
+from mclcli.io.maps import after_pixels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,6 +28,8 @@ _NUMBER = rb"([0-9]{1,10})"
 _HEAD = re.compile(rb"P([1-6])" + (_GAP + _NUMBER) * 2)
 _MAXVAL = re.compile(_GAP + _NUMBER)
 _COMMENT = re.compile(rb"#[^\r\n]*")
+_COMMENT_LINE = re.compile(rb"\s\s*#[\t -~\x80-\xff]*\r?\n")
+_OTHER = re.compile(rb"[^0-9\s]")
 _LONG = re.compile(rb"[0-9]{6}")
 _WHITE = b" \t\n\v\f\r"
 _GAP_ONLY = re.compile(rb"\s")
@@ -94,8 +98,8 @@ def samples(header: Header, data: bytes, name: str) -> Samples:
     Raises
     ------
     InputError
-        If the raster has not exactly as many pixels as the header says, naming the likely damage, or a sample is
-        above maxval.
+        If the raster has fewer pixels than the header says, or more that may have shifted, naming the likely damage,
+        or a sample is above maxval.
 
     """
     flat = _plain(header, data, name) if header.kind < 4 else _raw(header, data, name)
@@ -105,8 +109,11 @@ def samples(header: Header, data: bytes, name: str) -> Samples:
 
 def _raw(header: Header, data: bytes, name: str) -> Samples:
     raster = memoryview(data)[header.start + 1 :]  # one byte of white space ends the header
-    if len(raster) != header.raster_size or data[header.start : header.start + 2] == b"\r\n":
-        raise InputError(f"{name}: damaged image: {_raw_damage(header, data)}")
+    rest = raster[header.raster_size :]
+    if damage := _raw_damage(header, data, bytes(rest)):
+        raise InputError(f"{name}: damaged image: {damage}")
+    after_pixels.tell(rest, name)
+    raster = raster[: header.raster_size]
     if header.kind == 4:
         rows = np.frombuffer(raster, np.uint8).reshape(header.height, -1)
         return np.unpackbits(rows, axis=1, count=header.width).reshape(-1)
@@ -116,25 +123,38 @@ def _raw(header: Header, data: bytes, name: str) -> Samples:
     return flat
 
 
-def _raw_damage(header: Header, data: bytes) -> str:
-    """What probably happened to a raster of the wrong length."""
+def _raw_damage(header: Header, data: bytes, rest: bytes) -> str:
+    """What probably happened to a raster that is too short or too long, empty if its pixels are where they belong."""
     there, expected = len(data) - header.start - 1, header.raster_size
-    if b"\r\n" in data[: header.start + 2]:
+    if data[header.start : header.start + 2] == b"\r\n" or (there != expected and b"\r\n" in data[: header.start]):
         return "its line ends were converted to CRLF, pixels included; copy it again in binary mode"
-    tail = data[header.start : header.start + 256]
-    if there > expected and re.match(rb"\s*#", tail):
+    if there < expected:
+        return f"{max(there, 0)} bytes of pixels where the header says {expected}; copy it again"
+    return _shift(header, data, rest) if rest else ""
+
+
+def _shift(header: Header, data: bytes, rest: bytes) -> str:
+    """What probably pushed pixels out behind the raster, empty if ``rest`` can be no pixels."""
+    begin, expected = header.start + 1, header.raster_size
+    if (found := _COMMENT_LINE.match(data, header.start)) and found.end() - begin <= len(rest):
         return "a comment after maxval, where the pixels should start; remove the comment"
-    if there > expected:
-        return f"more than the {expected} bytes of pixels that the header says; copy it again"
-    return f"{max(there, 0)} bytes of pixels where the header says {expected}; copy it again"
+    ends, converted = (data.count(end, begin, begin + expected) for end in (b"\n", b"\r\n"))
+    if 0 < converted == ends and converted <= len(rest):
+        return "every line end among its pixels is CRLF: they were converted; copy it again in binary mode"
+    if not after_pixels.is_no_pixels(rest):
+        return f"{len(rest)} bytes more than the {expected} bytes of pixels that the header says; copy it again"
+    return ""
 
 
 def _plain(header: Header, data: bytes, name: str) -> Samples:
     """Numbers of a plain image, piece by piece so that a large one needs little more memory than its text."""
     count = header.width * header.height * header.channels
     values = np.zeros(count, np.uint8) if header.maxval < 256 else np.zeros(count, np.uint16)
-    done = 0
-    for piece in _pieces(header, data):
+    done, start, text = 0, header.start, data
+    if data.find(b"#", start) >= 0:
+        start, text = 0, _COMMENT.sub(b" ", data[start:])
+    end = _end_of_numbers(text, start)
+    for piece in _pieces(text, start, end):
         numbers = _numbers(header, piece, name)
         if done + numbers.size > count:
             raise InputError(f"{name}: damaged image: more numbers than the {count} the header says; copy it again")
@@ -142,7 +162,14 @@ def _plain(header: Header, data: bytes, name: str) -> Samples:
         done += numbers.size
     if done < count:
         raise InputError(f"{name}: damaged image: {done} numbers where the header says {count}; copy it again")
+    after_pixels.tell(text[end:], name)
     return values
+
+
+def _end_of_numbers(text: bytes, start: int) -> int:
+    """Where the numbers of a plain image end, and with them the image."""
+    other = _OTHER.search(text, start)
+    return other.start() if other and after_pixels.is_no_pixels(text[other.start() :]) else len(text)
 
 
 def _numbers(header: Header, piece: bytes, name: str) -> NDArray[np.int32]:
@@ -163,14 +190,11 @@ def _check_top(header: Header, top: int, name: str) -> None:
         raise InputError(f"{name}: damaged image: a pixel of {top}, above maxval {header.maxval}; copy it again")
 
 
-def _pieces(header: Header, data: bytes) -> Iterator[bytes]:
-    """The raster's text without comments, cut at white space."""
-    start = header.start
-    if data.find(b"#", start) >= 0:
-        data, start = _COMMENT.sub(b" ", data[start:]), 0
-    while start < len(data):
-        gap = _GAP_ONLY.search(data, start + _PIECE)
-        end = gap.start() if gap else len(data)
-        if piece := data[start:end].strip():
+def _pieces(text: bytes, start: int, end: int) -> Iterator[bytes]:
+    """The text of the numbers from ``start`` to ``end``, cut at white space."""
+    while start < end:
+        gap = _GAP_ONLY.search(text, start + _PIECE, end)
+        stop = gap.start() if gap else end
+        if piece := text[start:stop].strip():
             yield piece
-        start = end
+        start = stop

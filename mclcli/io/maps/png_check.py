@@ -10,6 +10,7 @@ import zlib
 from typing import TYPE_CHECKING
 
 from mclcli.errors import InputError
+from mclcli.io.maps import after_pixels
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,14 +25,17 @@ _STEP = 1 << 20
 def check_png(data: bytes, name: str) -> int:
     """Check every checksum and the number of pixels; returns the number of palette colours.
 
+    What stands behind the last chunk is passed over with a warning.
+
     Raises
     ------
     InputError
         If a checksum fails, the file is cut off, or its raster has more or fewer bytes than its header says.
 
     """
-    header, raster, colours = b"", [], 0
+    header, raster, colours, end = b"", [], 0, len(MAGIC)
     for kind, content in _chunks(data, name):
+        end += 12 + len(content)
         if kind == b"IHDR":
             header = bytes(content[:13])
         elif kind == b"PLTE":
@@ -43,6 +47,7 @@ def check_png(data: bytes, name: str) -> int:
     if found != expected:
         more = "more than" if found > expected else f"{found} bytes of pixels instead of"
         raise InputError(f"{name}: damaged image: {more} the {expected} bytes that its header says; copy it again")
+    after_pixels.tell(memoryview(data)[end:], name)
     return colours
 
 

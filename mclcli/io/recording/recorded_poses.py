@@ -41,14 +41,17 @@ def read_trajectory(source: str) -> Trajectory:
     return read_checked(source)[0]
 
 
-def read_checked(source: str) -> tuple[Trajectory, bool]:
-    """Poses as from ``read_trajectory``, and whether bytes or messages of the log were damaged."""
+def read_checked(source: str, *, strict: bool = False) -> tuple[Trajectory, bool]:
+    """Poses as from ``read_trajectory``, and whether bytes or messages of the log were damaged.
+
+    With ``strict``, damage of a log and rows of a file that are not as they should be are an InputError.
+    """
     log, where = split_source(source)
     if not where:
-        return read_tum(source), False
+        return read_tum(source, strict=strict), False
     if not Path(log).exists():
         raise UsageError(f"{log}: no such file; LOG:TOPIC names a topic of a log, FILE a TUM or CSV file")
-    recording = open_recording(log)
+    recording = open_recording(log, strict=strict)
     poses = RecordedPoses(where, recording.survey, recording.roles().base_frame)
     for topic, record in recording.events(poses.topics):
         poses.take(topic, record)

@@ -25,6 +25,8 @@ _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]{0,18})")
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|(0|[1-9][0-9]*)(\.[0-9]*)?)([eE][-+]?[0-9]{1,5})?")
 _DIRECTIVE = re.compile("^%", re.MULTILINE)  # changes what the rest means, or trips the parser
 _DISPUTED = re.compile("[\x85\u2028\u2029\ufeff]")  # end lines and comments, or vanish, in YAML 1.1 and not in 1.2
+_TAB = re.compile(r"(?m)(?<=[:,\[{-])[ \t]*\t[ \t]*|[ \t]*\t[ \t]*(?=[#:,\]}\r]|$)")
+"""Tabs that separate, as YAML allows: PyYAML's own parser takes none, libyaml's not all. They never indent."""
 _WORDS: dict[str, Value] = {
     **dict.fromkeys(("", "~", "null", "Null", "NULL"), None),
     **dict.fromkeys(("true", "True", "TRUE"), True),
@@ -101,6 +103,7 @@ def parse(data: bytes, name: str, limits: Limits = MAP_LIMITS, *, several: bool 
         if found := pattern.search(text):
             line = text.count("\n", 0, found.start()) + 1
             raise InputError(f"{name}: {what}, line {line}; write it without")
+    text = _TAB.sub(lambda found: " " * len(found.group()), text) if "\t" in text else text
     builder = _Builder(_events(text, name), name, limits, {}, set())
     value = builder.document()
     try:

@@ -9,13 +9,14 @@ import math
 import re
 from decimal import Decimal
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple, final
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
 from mclcli.errors import InputError, UsageError
 from mclcli.geometry import se2
 from mclcli.geometry.trajectory import in_order
+from mclcli.io.tables.pose_rows import Row, in_order_of_time
 from mclcli.io.tables.text_file import read_stdin, refuse_stand_ins
 from mclcli.io.traces.formats import Format, Writer
 from mclcli.io.traces.sinks import COVARIANCE_COLUMNS, NANOSECONDS, require_finite, stamp_text
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
 _MAX_BYTES = 1 << 28  # of standard input
 _DECIMAL = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d{1,3})?", re.ASCII | re.IGNORECASE)
 _MAX_NS = 2**63 - 1
+_SHORTEST, _LONGEST = 1e-3, 1e3  # lengths of quaternions that can be normalised
 _CSV_COLUMNS = ("stamp", "x", "y", "yaw")
 _COVARIANCE = COVARIANCE_COLUMNS.split(",")
 _SYMMETRIC = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # the upper triangle, row by row, to all nine
@@ -58,52 +60,45 @@ class TumWriter:
         """Nothing is left to write."""
 
 
-def read_tum(source: str | Path) -> Trajectory:
+def read_tum(source: str | Path, *, strict: bool = False) -> Trajectory:
     """Read a TUM file, or a CSV with columns stamp, x, y, yaw (told by its header); ``-`` is standard input.
 
     Stamps are taken from their decimal text without passing through a float. Position z, roll and pitch are dropped.
     Covariances (``cov_xx``…) and ``updated`` of a CSV come along where it has these columns; where its ``segment``
     changes the clock may have jumped back, and the later segment overrules what it covers.
 
+    Rows out of order are sorted, of equal stamps the first is kept, quaternions are normalised: each with a warning
+    that counts them, or refused if ``strict``.
+
     Raises
     ------
     UsageError
         If there is no such file.
     InputError
-        If a line is not a pose or a stamp does not increase, naming the line; if there is no pose at all.
+        If a line is not a pose, or with ``strict`` not as it should be, naming the line; if there is no pose at all.
 
     """
     name = "standard input" if str(source) == "-" else str(source)
-    parse: Callable[[str], _Row] | None = None
-    rows: list[_Row] = []
-    for number, line in _lines(source):
+    parse: Callable[[int, str], Row] | None = None
+    rows: list[Row] = []
+    lines = _lines(source)
+    if lines and (what := _other_format(lines[0][1], name)):
+        raise InputError(f"{name}: {what}")
+    for number, line in lines:
         try:
             if parse is None:
                 parse = _csv_parser(line) if "," in line else _parse_tum
                 if parse is not _parse_tum:
                     continue  # it was the header
-            row = parse(line)
-            if rows and row.stamp_ns <= rows[-1].stamp_ns and row.segment == rows[-1].segment:
-                raise ValueError(f"stamp {stamp_text(row.stamp_ns)} does not increase")  # noqa: TRY301
+            rows.append(parse(number, line))
         except ValueError as error:
             raise InputError(f"{name}: {error}, line {number}; {_EXPECTED}") from None
-        rows.append(row)
     if not rows:
         raise InputError(f"{name}: holds no pose; {_EXPECTED}")
-    return _trajectory(rows)
+    return _trajectory(in_order_of_time(rows, name, strict=strict))
 
 
-_EXPECTED = "expected lines 't x y z qx qy qz qw' (TUM) or a CSV with stamp, x, y, yaw, in order of time"
-
-
-class _Row(NamedTuple):
-    """One pose of a file: what stands on its line."""
-
-    stamp_ns: int
-    pose: tuple[float, float, float]
-    covariance: tuple[float, ...] = ()
-    updated: bool = True
-    segment: str = ""
+_EXPECTED = "expected lines 't x y z qx qy qz qw' (TUM) or a CSV with stamp, x, y, yaw"
 
 
 def _lines(source: str | Path) -> list[tuple[int, str]]:
@@ -127,7 +122,7 @@ def _lines(source: str | Path) -> list[tuple[int, str]]:
     return [(number, line) for number, line in numbered if line and not line.startswith("#")]
 
 
-def _trajectory(rows: list[_Row]) -> Trajectory:
+def _trajectory(rows: list[Row]) -> Trajectory:
     covariances = None
     if rows[0].covariance:
         upper = np.array([row.covariance for row in rows], dtype=np.float64)
@@ -144,20 +139,38 @@ def _trajectory(rows: list[_Row]) -> Trajectory:
     return result
 
 
-def _parse_tum(line: str) -> _Row:
+def _parse_tum(number: int, line: str) -> Row:
     fields = line.split()
     if len(fields) != 8:
         raise ValueError(f"{len(fields)} fields instead of 8")
     x, y, _, *quaternion = (_number(field) for field in fields[1:])
     norm = math.sqrt(sum(q * q for q in quaternion))
-    if not abs(norm - 1.0) <= 1e-2:
+    if not _SHORTEST <= norm <= _LONGEST:
         raise ValueError(f"quaternion of length {norm:.3g} instead of 1")
     qx, qy, qz, qw = quaternion
     yaw = math.atan2(2 * (qw * qz + qx * qy), qw * qw + qx * qx - qy * qy - qz * qz)
-    return _Row(_stamp(fields[0]), (x, y, yaw))
+    return Row(number, _stamp(fields[0]), (x, y, yaw), norm=norm)
 
 
-def _csv_parser(header: str) -> Callable[[str], _Row]:
+def _other_format(line: str, name: str) -> str:
+    """What a file is by its first row, and how to convert it; empty if it may be one of ours."""
+    blanks, commas = line.split(), [field.strip() for field in line.split(",")]
+    if len(blanks) in {12, 13} and all(map(_is_number, blanks)):  # KITTI-360 puts the number of the frame before
+        return (
+            f"is a KITTI file ({len(blanks)} numbers a row: a 3 × 4 matrix, no stamp); convert it, with its "
+            "times.txt, by evo's kitti_poses_and_timestamps_to_trajectory.py"
+        )
+    if len(commas) < 3 or not all(map(_is_number, commas)):
+        return ""
+    if len(commas) >= 8 and commas[0].isdigit() and int(commas[0][:20]) > _MAX_NS // NANOSECONDS:
+        return (
+            "is a EuRoC file (stamps in ns, quaternions with w first); convert it by "
+            f"evo_traj euroc {name} --save_as_tum"
+        )
+    return f"has numbers between commas and no header; {_EXPECTED}"
+
+
+def _csv_parser(header: str) -> Callable[[int, str], Row]:
     names = [name.strip() for name in header.split(",")]
     missing = [name for name in _CSV_COLUMNS if name not in names]
     if missing:
@@ -167,7 +180,7 @@ def _csv_parser(header: str) -> Callable[[str], _Row]:
     spread = spread if len(spread) == len(_COVARIANCE) else []
     updated, segment = (names.index(name) if name in names else None for name in ("updated", "segment"))
 
-    def parse(line: str) -> _Row:
+    def parse(number: int, line: str) -> Row:
         fields = line.split(",")
         if len(fields) != len(names):
             raise ValueError(f"{len(fields)} fields instead of {len(names)}")
@@ -175,9 +188,13 @@ def _csv_parser(header: str) -> Callable[[str], _Row]:
         pose = (_number(x), _number(y), float(se2.wrap(_number(yaw))))
         covariance = tuple(_number(fields[column]) for column in spread)
         measured = updated is None or fields[updated].strip() != "0"
-        return _Row(_stamp(stamp), pose, covariance, measured, "" if segment is None else fields[segment])
+        return Row(number, _stamp(stamp), pose, covariance, measured, "" if segment is None else fields[segment])
 
     return parse
+
+
+def _is_number(text: str) -> bool:
+    return _DECIMAL.fullmatch(text) is not None
 
 
 def _number(text: str) -> float:
@@ -200,7 +217,7 @@ def _stamp(text: str) -> int:
     else:
         raise ValueError(f"{_quoted(text)} is not a stamp in seconds")
     if abs(stamp) > _MAX_NS:
-        raise ValueError(f"stamp {_quoted(text)} is out of range")
+        raise ValueError(f"stamp {_quoted(text)} is out of range; seconds are expected, not nanoseconds")
     return stamp
 
 
