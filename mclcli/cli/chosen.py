@@ -42,7 +42,7 @@ def choose_settings(
         return Chosen(profiles.build(values, profile=profile or "textbook", model=model or "likelihood_field"), None)
     from mclcli.settings.robots.reading import load, settings_of
 
-    file = load(options.params, profile=profile, model=model)
+    file = load(options.params, profile=profile, model=model, lenient=options.lenient)
     settings = settings_of(file, given, base=base, profile=profile, model=model)
     if not file.remarks:
         console.detail(f"{file.name}: parameters in {file.dialect}'s own dialect")

@@ -138,7 +138,7 @@ def test_a_tuned_file_keeps_what_the_robot_was_given_besides(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (amcl("alpha_1: 0.2"), "has a parameter 'alpha_1', line 3; did you mean 'alpha1'?"),
+        (amcl("alpha_1: 0.2"), "has: 'alpha_1', line 3 (did you mean 'alpha1'?); correct it, or pass over it"),
         ("planner_server:\n  ros__parameters: {a: 1}\n", "no block for amcl; it holds planner_server"),
     ],
 )
