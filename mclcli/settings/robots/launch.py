@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError, UsageError
 from mclcli.io.tables import launch_xml, safe_yaml
-from mclcli.io.tables.params_yaml import LIMITS, Given
+from mclcli.io.tables.params_yaml import LIMITS, Given, listed
+from mclcli.settings.robots import others
 from mclcli.text import clean
 
 if TYPE_CHECKING:
@@ -44,15 +45,27 @@ class _Scope:
         return _Scope(joined if namespace else self.namespace, dict(self.args), dict(self.remapped))
 
 
-def parameters_of_amcl(data: bytes, name: str) -> tuple[dict[str, dict[str, Given]], list[str]]:
-    """Parameters of every amcl that the file starts, by the node's full name, and what only roslaunch can find.
+@final
+@dataclass(frozen=True, slots=True)
+class Launched:
+    """Parameters of every amcl that a launch file starts, by the node's full name.
+
+    ``problems`` are what only roslaunch can find, by the name of the parameter, empty where it may be any of them.
+    """
+
+    nodes: dict[str, dict[str, Given]]
+    problems: tuple[tuple[str, str], ...] = ()
+
+
+def parameters_of_amcl(data: bytes, name: str) -> Launched:
+    """Parameters of every amcl that a launch file starts.
 
     Raises
     ------
     InputError
         If the file is not XML or YAML that is read.
     UsageError
-        If it is no launch file, or one of ROS 2.
+        If it is no launch file, one of ROS 2, or starts no amcl.
 
     """
     root = launch_xml.parse(data, name)
@@ -60,16 +73,28 @@ def parameters_of_amcl(data: bytes, name: str) -> tuple[dict[str, dict[str, Give
         raise UsageError(f"{name}: XML, but no launch file (<{clean(root.tag, 40)}>); name a YAML or launch file")
     reader = _Reader(name)
     reader.read(root, _Scope())
-    if len(reader.nodes) > _NODES:
-        raise UsageError(
-            f"{name}: starts more than {_NODES} amcl; write the one robot's parameters to a file of their own"
-        )
+    _require_amcl(name, reader)
     found = {}
     for node, topics in reader.nodes.items():
         below = {key: given for key, given in reader.given.items() if key.startswith(f"{node}/")}
         found[node] = {**topics, **{key.removeprefix(f"{node}/"): given for key, given in below.items()}}
     ours = tuple(f"{node}/" for node in found)
-    return found, [text for target, text in reader.problems if not target or f"{target}/".startswith(ours)]
+    told = [(target, text) for target, text in reader.problems if not target or f"{target}/".startswith(ours)]
+    leaves = [("" if f"{target}/" in ours else target.rpartition("/")[2], text) for target, text in told]
+    return Launched(found, tuple(leaves))
+
+
+def _require_amcl(name: str, reader: _Reader) -> None:
+    if len(reader.nodes) > _NODES:
+        raise UsageError(
+            f"{name}: starts more than {_NODES} amcl; write the one robot's parameters to a file of their own"
+        )
+    if reader.nodes or any(not target for target, _ in reader.problems):
+        return
+    if whose := others.localizer((), reader.types):
+        raise UsageError(f"{name}: starts {whose}, another localizer than amcl; name a file of amcl's, or mcl's own")
+    includes = f"; it includes {listed(reader.includes)}" if reader.includes else ""
+    raise UsageError(f"{name}: a launch file that starts no amcl of ROS 1{includes}; name the one that does")
 
 
 @final
@@ -84,6 +109,8 @@ class _Reader:
     given: dict[str, Given] = field(default_factory=dict)
     nodes: dict[str, dict[str, Given]] = field(default_factory=dict)
     problems: list[tuple[str, str]] = field(default_factory=list)
+    types: list[str] = field(default_factory=list)
+    includes: list[str] = field(default_factory=list)
 
     def read(self, parent: Element, scope: _Scope) -> None:
         """Read what stands in an element, in its order."""
@@ -106,13 +133,16 @@ class _Reader:
             self._rosparam(element, scope)
         elif element.tag == "remap":
             self._remap(element, scope)
+        elif element.tag == "include":
+            self.includes.append(clean(a.get("file", ""), 80))
 
     def _node(self, element: Element, scope: _Scope) -> None:
         a = {key: _filled(text, scope) or "" for key, text in element.attributes.items()}
         if a.get("pkg") in _ROS2:
             raise UsageError(f"{self.name}: a launch file of ROS 2, line {element.line}; name the YAML that it loads")
         inner = scope.inner(a.get("ns", ""))
-        full = f"{inner.namespace}/{a.get('name', '')}"
+        self.types.append(a.get("type", ""))
+        full = f"{inner.namespace}/{a.get('name') or 'amcl'}"
         if _is_amcl(a):
             private = _Scope(full, inner.args, inner.remapped)
             self.read(element, private)
@@ -191,7 +221,7 @@ def _holds_amcl(element: Element) -> bool:
 
 
 def _is_amcl(attributes: Mapping[str, str]) -> bool:
-    return "amcl" in {attributes.get("pkg"), attributes.get("type")}
+    return attributes.get("type") == "amcl"  # the package has other programs, and others have copies of amcl
 
 
 def _filled(text: str, scope: _Scope) -> str | None:

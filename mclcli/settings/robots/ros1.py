@@ -114,7 +114,7 @@ TO_NAV2 = {row.name: row.nav2 for row in TABLE if row.name not in names.NAMES}
 KNOWN = {*ROWS, "scan_topic", "map_topic"}  # the latter come from a launch file, which remaps them
 FROM_NAV2 = {row.nav2: row.name for row in TABLE if row.nav2 and row.name != row.nav2}
 _TOPICS = ("scan_topic", "map_topic")  # remapped in a launch file
-_POSE = ("initial_pose_x", "initial_pose_y", "initial_pose_a")
+POSE = ("initial_pose_x", "initial_pose_y", "initial_pose_a")
 
 
 def is_ros1(given: Collection[str], own: Collection[str]) -> bool:
@@ -122,6 +122,14 @@ def is_ros1(given: Collection[str], own: Collection[str]) -> bool:
     of_ros1 = sum(name in TO_NAV2 for name in given)
     of_mcl = sum(name in own and name not in ROWS for name in given)
     return of_ros1 > of_mcl
+
+
+def is_found_elsewhere(name: str) -> bool:
+    """Whether a parameter can be missing without another filter: a frame, the start, or one without a part."""
+    if name not in ROWS:
+        return False
+    nav2 = ROWS[name].nav2
+    return not nav2 or name.endswith("_frame_id") or names.NAMES[nav2].becomes in {names.START, names.NOTHING}
 
 
 def in_navs_names(values: Mapping[str, Given]) -> tuple[dict[str, Given], dict[str, str]]:
@@ -133,7 +141,7 @@ def in_navs_names(values: Mapping[str, Given]) -> tuple[dict[str, Given], dict[s
     found |= {name: values[name] for name in _TOPICS if name in values}
     given = {row.nav2: values[row.name] for row in TABLE if row.nav2 and row.name in values}
     found |= {name: _as_whole(name, value) for name, value in given.items()}
-    if any(name in values for name in _POSE):
+    if any(name in values for name in POSE):
         found["set_initial_pose"] = Given(True, 0)
     return found, {row.nav2: row.name for row in TABLE if row.nav2}
 

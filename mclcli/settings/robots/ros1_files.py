@@ -48,14 +48,20 @@ def node_of_launch(data: bytes, name: str, *, lenient: bool = False) -> NodePara
         If it is no XML, or has what no launch file needs (a document type, entities).
 
     """
-    found, problems = launch.parameters_of_amcl(data, name)
-    said = ", ".join(problems)
-    if problems and not lenient:
-        raise UsageError(f"{name}: only roslaunch can find {said}; write it out, or read the rest: --lenient")
-    node = _only(name, found, lenient=lenient)
+    launched = launch.parameters_of_amcl(data, name)
+    vital = [text for key, text in launched.problems if not ros1.is_found_elsewhere(key)]
+    said = ", ".join(text for _, text in launched.problems)
+    if vital and not lenient:
+        raise UsageError(
+            f"{name}: only roslaunch can find {', '.join(vital)}; write it out, or read the rest: --lenient"
+        )
+    nodes = launched.nodes
+    if any(key in ros1.POSE for key, _ in launched.problems):  # half a pose is none
+        nodes = {node: {k: v for k, v in values.items() if k not in ros1.POSE} for node, values in nodes.items()}
+    node = _only(name, nodes, lenient=lenient)
     if node is None:
-        raise UsageError(f"{name}: a launch file that starts no amcl of ROS 1; name the one that does, or a YAML file")
-    return node.warned(f"{name}: not read, only roslaunch can find {said}") if problems else node
+        raise UsageError(f"{name}: whether it starts amcl, only roslaunch can find: {said}; write it out")
+    return node.warned(f"{name}: not read, only roslaunch can find {said}") if said else node
 
 
 def _only(file: str, found: Mapping[str, dict[str, Given]], *, lenient: bool) -> NodeParameters | None:

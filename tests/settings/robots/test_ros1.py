@@ -198,7 +198,9 @@ def test_a_launch_file_is_read_as_roslaunch_reads_it(tmp_path: Path) -> None:
             '<launch><group if="$(eval 1)"><node pkg="amcl" type="amcl" name="a"/></group></launch>',
             "if=$(eval 1), line 1",
         ),
-        ("<launch><include file='x'/></launch>", "a launch file that starts no amcl of ROS 1"),
+        ("<launch><include file='x'/></launch>", "a launch file that starts no amcl of ROS 1; it includes x; name"),
+        ('<launch><node pkg="amcl" type="set_pose.py" name="a"/></launch>', "that starts no amcl of ROS 1; name"),
+        ('<launch><node pkg="emcl" type="emcl_node" name="a"/></launch>', "starts emcl2, another localizer than amcl"),
         ("<robot/>", "XML, but no launch file (<robot>)"),
         ('<launch>\n<node pkg="nav2_amcl" exec="amcl" name="amcl"/></launch>', "a launch file of ROS 2, line 2"),
         (TWO, "amcl stands there for several robots, differently: /a, /b"),
@@ -224,6 +226,20 @@ def test_what_cannot_be_read_can_be_passed_over(tmp_path: Path, text: str) -> No
     file = read(tmp_path, text, lenient=True)
     assert file.values["z_hit"] == 0.9
     assert len(file.warnings) == 1
+
+
+def test_where_the_robot_starts_and_its_frames_may_be_left_to_the_command_line(tmp_path: Path) -> None:
+    lines = "".join(f'<param name="{name}" value="$(arg x)"/>' for name in ("initial_pose_x", "odom_frame_id"))
+    file = read(tmp_path, node(PARAMS, lines, '<param name="initial_pose_y" value="2.0"/>'))
+    assert file.start is None  # half a pose is none
+    assert "odom_frame_id" not in file.values
+    (warning,) = file.warnings
+    assert "only roslaunch can find initial_pose_x = $(arg x), line 1, odom_frame_id = $(arg x), line 1" in warning
+
+
+def test_a_name_that_only_roslaunch_can_find_is_amcl(tmp_path: Path) -> None:
+    text = node(PARAMS).replace('name="amcl"', 'name="$(arg robot)_amcl"')
+    assert read(tmp_path, text).values["z_hit"] == 0.9
 
 
 def test_a_whole_number_may_be_written_as_a_real_one(tmp_path: Path) -> None:
