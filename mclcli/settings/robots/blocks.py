@@ -145,8 +145,8 @@ def _refuse_others(file: ParameterFile, found: list[NodeParameters]) -> None:
     given = {name for block in file.blocks if block.leaf in ours for name in block.values}
     if whose := others.localizer(given, set() if found else leaves):
         raise UsageError(
-            f"{file.name}: parameters of {whose}, another localizer than {NODE}; name a file of nav2_amcl or of "
-            f"Beluga's {NODE}, or write mcl's own"
+            f"{file.name}: parameters of {whose}, which mcl does not read; name a file of nav2_amcl or of Beluga's "
+            f"{NODE}, or write mcl's own"
         )
 
 

@@ -92,7 +92,7 @@ def _require_amcl(name: str, reader: _Reader) -> None:
     if reader.nodes or any(not target for target, _ in reader.problems):
         return
     if whose := others.localizer((), reader.types):
-        raise UsageError(f"{name}: starts {whose}, another localizer than amcl; name a file of amcl's, or mcl's own")
+        raise UsageError(f"{name}: starts {whose}, which mcl does not read; name a file of amcl's, or mcl's own")
     includes = f"; it includes {listed(reader.includes)}" if reader.includes else ""
     raise UsageError(f"{name}: a launch file that starts no amcl of ROS 1{includes}; name the one that does")
 

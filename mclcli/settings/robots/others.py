@@ -1,6 +1,7 @@
 """Other localizers whose files look like amcl's, so that they are called what they are.
 
-Sources, as of 2026: emcl2_ros2's ``config/emcl2.param.yaml``; Beluga's ``ndt_amcl_node.cpp`` and its 3D sibling.
+Sources, as of 2026: emcl2_ros2's ``config/emcl2.param.yaml``; Beluga's ``ndt_amcl_node.cpp``, and its 3D
+sibling, and ``beluga_example/params/default.ros.yaml``.
 """
 
 from __future__ import annotations
@@ -31,6 +32,10 @@ _OTHERS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
             "sensor_reset",
             "scan_increment",
         ),
+    ),
+    "Beluga's amcl for ROS 1": (
+        (),
+        ("map_service", "execution_policy", "initial_cov_xy", "initial_cov_xa", "initial_cov_ya", "initial_pose_topic"),
     ),
     "Beluga's NDT localizer": (("ndt_amcl", "ndt_amcl_3d"), ("minimum_likelihood", "d1", "d2", "map_path")),
 }

@@ -174,7 +174,7 @@ def _of_mcl(name: str, own: Mapping[str, Given], model: str | None, *, lenient: 
     known = ["profile", "model", "particles", *(key for _, key, _, _ in profiles.table())]
     strange = {key: given for key, given in own.items() if key not in known}
     if whose := others.localizer(strange):
-        raise UsageError(f"{name}: parameters of {whose}, another localizer than amcl; `mcl params` prints mcl's own")
+        raise UsageError(f"{name}: parameters of {whose}, which mcl does not read; `mcl params` prints mcl's own")
     warnings = unknown.settle(name, "mcl has no parameter", strange, unknown.hint_of(known), lenient=lenient)
     values = {key: given.value for key, given in own.items() if key in known}
     words = {"profile": tuple(profiles.PROFILES), "model": tuple(profiles.MODELS)}

@@ -140,7 +140,7 @@ def in_navs_names(values: Mapping[str, Given]) -> tuple[dict[str, Given], dict[s
     found = {row.nav2: Given(row.default, 0) for row in TABLE if row.nav2 and not row.nav2.endswith("_frame_id")}
     found |= {name: values[name] for name in _TOPICS if name in values}
     given = {row.nav2: values[row.name] for row in TABLE if row.nav2 and row.name in values}
-    found |= {name: _as_whole(name, value) for name, value in given.items()}
+    found |= {name: _as_read_there(name, value) for name, value in given.items() if not _is_left_out(name, value)}
     if any(name in values for name in POSE):
         found["set_initial_pose"] = Given(True, 0)
     return found, {row.nav2: row.name for row in TABLE if row.nav2}
@@ -151,7 +151,14 @@ def instead(given: Given, value: Value) -> Given:
     return replace(given, value=value)
 
 
-def _as_whole(name: str, given: Given) -> Given:
-    """ROS 1 reads 30.0 as the whole number that it is."""
+def _is_left_out(name: str, given: Given) -> bool:
+    """Whether ROS 1 keeps its default: where the pose or its covariance is not a number."""
+    return name.startswith("initial_pose") and isinstance(given.value, float) and math.isnan(given.value)
+
+
+def _as_read_there(name: str, given: Given) -> Given:
+    """30.0 as the whole number that it is, and frames without a slash before them."""
+    if name.endswith("_frame_id") and isinstance(given.value, str):
+        return instead(given, given.value.removeprefix("/"))
     whole = names.NAMES[name].kind is int and isinstance(given.value, float) and given.value.is_integer()
-    return replace(given, value=int(given.value)) if whole else given
+    return instead(given, int(given.value)) if whole else given

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from mclcli.errors import UsageError, nearest_name
 from mclcli.settings import profiles
-from mclcli.settings.robots import launch, names, ros1, unknown
+from mclcli.settings.robots import launch, names, others, ros1, unknown
 from mclcli.settings.robots.blocks import NODE, NodeParameters
 from mclcli.text import clean
 
@@ -29,10 +29,11 @@ def node_of_yaml(file: ParameterFile, *, lenient: bool = False) -> NodeParameter
 
     """
     own = {name for _, name, _, _ in profiles.table()}
-    found = {f"/{NODE}": file.own} if ros1.is_ros1(file.own, own) else {}
-    for block in file.plain:
-        if ros1.is_ros1(block.values, own):
-            found[block.node if block.node != "/" else f"/{NODE}"] = block.values
+    given = {"/": file.own} | {block.node: block.values for block in file.plain}
+    of_ros1 = {node for node, values in given.items() if ros1.is_ros1(values, own)}
+    found = {n: v for n, v in given.items() if of_ros1 and v and (n in of_ros1 or n.endswith(f"/{NODE}"))}
+    if whose := others.localizer({name for values in found.values() for name in values}):
+        raise UsageError(f"{file.name}: parameters of {whose}, which mcl does not read; name a file of ROS 1's {NODE}")
     return _only(file.name, found, lenient=lenient)
 
 
@@ -74,7 +75,7 @@ def _only(file: str, found: Mapping[str, dict[str, Given]], *, lenient: bool) ->
             "write the one robot's parameters to a file of their own"
         )
     node, values = next(iter(found.items()))
-    return _as_nodes(file, node, values, lenient=lenient)
+    return _as_nodes(file, f"/{NODE}" if node == "/" else node, values, lenient=lenient)
 
 
 def _as_nodes(file: str, node: str, values: dict[str, Given], *, lenient: bool) -> NodeParameters:

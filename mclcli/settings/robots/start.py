@@ -57,12 +57,15 @@ def initial_pose(name: str, dialect: str, as_read: Values) -> InitialPose | None
 
     xx, yy, tt = value("covariance_x"), value("covariance_y"), value("covariance_yaw")
     xy, xt, yt = value("covariance_xy"), value("covariance_xyaw"), value("covariance_yyaw")
+    pose = np.array([value("x"), value("y"), value("yaw")])
     covariance = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]])
+    if not (np.isfinite(pose).all() and np.isfinite(covariance).all()):
+        raise UsageError(f"{name}: the initial pose or its covariance is not a number; correct the file")
     if np.linalg.eigvalsh(covariance).min() < -1e-9:
         raise UsageError(
             f"{name}: initial_pose.covariance_…: not a covariance (it has a negative eigenvalue); correct the file"
         )
-    return InitialPose(np.array([value("x"), value("y"), value("yaw")]), covariance)
+    return InitialPose(pose, covariance)
 
 
 def notes(

@@ -190,6 +190,7 @@ def test_mcls_own_block_goes_before(tmp_path: Path) -> None:
             ["set_initial_pose: true", "initial_pose: {covariance_x: -1.0}"],
             "initial_pose.covariance_…: not a covariance",
         ),
+        (["set_initial_pose: true", "initial_pose: {x: .nan}"], "the initial pose or its covariance is not a number"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, lines: list[str], said: str) -> None:

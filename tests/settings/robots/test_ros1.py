@@ -158,6 +158,19 @@ def test_a_pose_in_the_file_is_where_the_filter_starts(tmp_path: Path) -> None:
     assert start.covariance.diagonal().tolist() == [0.25, 0.25, 0.06]
 
 
+def test_as_ros1_does_a_pose_that_is_no_number_is_passed_over_and_frames_have_no_slash(tmp_path: Path) -> None:
+    file = read(tmp_path, yaml(initial_pose_x=".nan", initial_pose_y=2.0, base_frame_id="/base"))
+    assert file.start is not None
+    assert file.start.pose.tolist() == [0.0, 2.0, 0.0]
+    assert file.values["base_frame_id"] == "base"
+
+
+def test_of_a_dump_of_all_parameters_amcls_are_taken(tmp_path: Path) -> None:
+    others = "move_base: {plugins: [{name: a}]}\nrosdistro: 'noetic\n\n  '\nrun_id: 1-x\n"
+    file = read(tmp_path, others + "robot:\n  amcl: {kld_err: 0.02, gui_publish_rate: 1.0}\n")
+    assert (file.namespace, file.values["pf_err"]) == ("/robot", 0.02)
+
+
 def test_a_launch_file_is_read_as_roslaunch_reads_it(tmp_path: Path) -> None:
     file = read(tmp_path, LAUNCH)
     assert file.namespace == "/robot"
@@ -198,9 +211,14 @@ def test_a_launch_file_is_read_as_roslaunch_reads_it(tmp_path: Path) -> None:
             '<launch><group if="$(eval 1)"><node pkg="amcl" type="amcl" name="a"/></group></launch>',
             "if=$(eval 1), line 1",
         ),
+        ("a: {amcl: {kld_err: 0.1}}\nb: {amcl: {pf_err: 0.2}}\n", "for several robots, differently: /a/amcl, /b/amcl"),
+        (
+            yaml(execution_policy="seq", map_service="m"),
+            "parameters of Beluga's amcl for ROS 1, which mcl does not read",
+        ),
         ("<launch><include file='x'/></launch>", "a launch file that starts no amcl of ROS 1; it includes x; name"),
         ('<launch><node pkg="amcl" type="set_pose.py" name="a"/></launch>', "that starts no amcl of ROS 1; name"),
-        ('<launch><node pkg="emcl" type="emcl_node" name="a"/></launch>', "starts emcl2, another localizer than amcl"),
+        ('<launch><node pkg="emcl" type="emcl_node" name="a"/></launch>', "starts emcl2, which mcl does not read"),
         ("<robot/>", "XML, but no launch file (<robot>)"),
         ('<launch>\n<node pkg="nav2_amcl" exec="amcl" name="amcl"/></launch>', "a launch file of ROS 2, line 2"),
         (TWO, "amcl stands there for several robots, differently: /a, /b"),

@@ -80,15 +80,15 @@ def test_another_localizers_file_is_called_what_it_is(
     tmp_path: Path, lines: tuple[str, ...], whose: str, head: str
 ) -> None:
     text = amcl(*lines, head=head)
-    assert f"parameters of {whose}, another localizer than amcl" in refused(tmp_path, text)
-    with pytest.raises(UsageError, match="another localizer"):
+    assert f"parameters of {whose}, which mcl does not read" in refused(tmp_path, text)
+    with pytest.raises(UsageError, match="which mcl does not read"):
         lenient(tmp_path, text)
 
 
 @pytest.mark.parametrize(("node", "whose"), [("emcl2", "emcl2"), ("robot1/ndt_amcl", "Beluga's NDT localizer")])
 def test_another_localizers_node_is_known_by_its_name(tmp_path: Path, node: str, whose: str) -> None:
     text = amcl("odom_frame_id: odom", head=f"{node}:\n  ros__parameters:\n")
-    assert f"parameters of {whose}, another" in refused(tmp_path, text)
+    assert f"parameters of {whose}, which" in refused(tmp_path, text)
     assert read(tmp_path, text + amcl("alpha1: 0.3")).values == {"alpha1": 0.3}
 
 
