@@ -14,10 +14,11 @@ from click.testing import CliRunner
 
 from mclcli.cli import COMMANDS, group
 from mclcli.settings import profiles
-from mclcli.settings.robots import names
+from mclcli.settings.robots import names, ros1
 
 ROOT = Path(__file__).resolve().parents[1]
 _BEGIN, _END = "<!-- table: made by docs/build.py -->", "<!-- end of table -->"
+_BEGIN_ROS1, _END_ROS1 = "<!-- ros1: made by docs/build.py -->", "<!-- end of ros1 -->"
 _LINK = re.compile(r"\]\(([^)#\s]+)[^)]*\)")
 
 
@@ -83,10 +84,20 @@ def _shown(value: float | str) -> str:
 
 
 def nav2_page() -> str:
-    """The page about files of robots, as it stands, with its table made anew."""
-    before, mark, rest = (ROOT / "docs/nav2.md").read_text().partition(_BEGIN)
-    _, end, after = rest.partition(_END)
-    return f"{before}{mark}\n{_nav2_table()}{end}{after}"
+    """The page about files of robots, as it stands, with its tables made anew."""
+    text = (ROOT / "docs/nav2.md").read_text()
+    for begin, end, table in ((_BEGIN_ROS1, _END_ROS1, _ros1_table()), (_BEGIN, _END, _nav2_table())):
+        before, _, rest = text.partition(begin)
+        text = f"{before}{begin}\n{table}{end}{rest.partition(end)[2]}"
+    return text
+
+
+def _ros1_table() -> str:
+    lines = ["| ROS 1 | default | is | what else |", "|---|---|---|---|"]
+    for row in ros1.TABLE:
+        means = f"`{row.nav2}`" if row.nav2 else ""
+        lines.append(f"| `{row.name}` | {_shown(row.default)} | {means} | {row.note} |")
+    return "\n".join([*lines, ""])
 
 
 def _nav2_table() -> str:

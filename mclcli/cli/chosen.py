@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from mclcli.io.recording.survey import LogSurvey
     from mclcli.settings.profiles import Settings
     from mclcli.settings.robots.reading import FileParameters
+    from mclcli.world.occupancy import OccupancyGrid
 
 
 @final
@@ -42,7 +43,7 @@ def choose_settings(
         return Chosen(profiles.build(values, profile=profile or "textbook", model=model or "likelihood_field"), None)
     from mclcli.settings.robots.reading import load, settings_of
 
-    file = load(options.params, profile=profile, model=model)
+    file = load(options.params, profile=profile, model=model, lenient=options.lenient)
     settings = settings_of(file, given, base=base, profile=profile, model=model)
     if not file.remarks:
         console.detail(f"{file.name}: parameters in {file.dialect}'s own dialect")
@@ -51,6 +52,16 @@ def choose_settings(
     for line in file.warnings:
         console.warn(line)
     return Chosen(settings, file, file.tentative - set(given))
+
+
+def warn_of_turned_map(grid: OccupancyGrid | None, settings: Settings) -> None:
+    """Say so if the map's origin is turned and the settings do not turn the map."""
+    yaw = 0.0 if grid is None else float(grid.origin[2])
+    if yaw and settings.values().get("origin_yaw") == "ignore":
+        console.warn(
+            f"the map's origin has a yaw of {yaw:g} rad, which profile {settings.profile} ignores as nav2_amcl does: "
+            "poses are in the map as if it were not turned; --set origin_yaw=use turns it"
+        )
 
 
 def names_in(survey: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) -> dict[str, str]:

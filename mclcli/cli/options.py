@@ -164,11 +164,15 @@ scan_source = together(
 @final
 @dataclass(frozen=True, slots=True)
 class ParameterOptions:
-    """Where parameters come from: a profile, a lidar model, the file of --params, and the pairs of --set."""
+    """Where parameters come from: a profile, a lidar model, the file of --params, and the pairs of --set.
+
+    ``lenient``: names in the file that nobody has are passed over.
+    """
 
     profile: Profile | None
     model: str | None
     params: Path | None
+    lenient: bool
     settings: Mapping[str, str]
 
 
@@ -188,7 +192,10 @@ parameters = together(
     click.option(
         "--params",
         type=click.Path(path_type=Path),
-        help="YAML with parameters: mcl's own, or the robot's, nav2's or that of Beluga's amcl.",
+        help="YAML with parameters: mcl's own, or the robot's, of nav2's, Beluga's or ROS 1's amcl; a roslaunch file.",
+    ),
+    click.option(
+        "--lenient", is_flag=True, help="Pass over names in --params that do not exist, as the robot does, and say so."
     ),
     click.option(
         "--set",

@@ -68,8 +68,12 @@ class FilterParameters:
         "update_min_d is a distance, or bounds x and y of the odometry frame each",
         choices=get_args(Gate),
     )
-    update_min_d: float = parameter(0.25, "motion that calls for an update", unit="m", low=0.0, in_nav2=True)
-    update_min_a: float = parameter(0.2, "turn that calls for an update", unit="rad", low=0.0, in_nav2=True)
+    update_min_d: float = parameter(
+        0.25, "motion that calls for an update; below 0 every scan does", unit="m", in_nav2=True
+    )
+    update_min_a: float = parameter(
+        0.2, "turn that calls for an update; below 0 every scan does", unit="rad", in_nav2=True
+    )
     vision_min_d: float = parameter(0.02, "motion that calls for an update in runs without a lidar", unit="m", low=0.0)
     vision_min_a: float = parameter(0.02, "turn that calls for an update in runs without a lidar", unit="rad", low=0.0)
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mclcli.arrays import FloatArray
-    from mclcli.motion.noise import Scaling
+    from mclcli.motion.noise import Expression, Scaling
     from mclcli.parameters import ParameterSet
 
 
@@ -75,6 +75,7 @@ class MotionParameters:
     alpha5: float = parameter_of(OmnidirectionalParameters, "alpha5")
     turn_noise: TurnNoise = parameter_of(DifferentialParameters, "turn_noise")
     noise_scaling: Scaling = parameter_of(DifferentialParameters, "noise_scaling")
+    noise_expression: Expression = parameter_of(DifferentialParameters, "noise_expression")
     stationary_sigma_xy: float = parameter_of(StationaryParameters, "stationary_sigma_xy")
     stationary_sigma_yaw: float = parameter_of(StationaryParameters, "stationary_sigma_yaw")
 

@@ -43,6 +43,7 @@ class DifferentialParameters:
         source="folded: nav2_amcl, Beluga",
     )
     noise_scaling: noise.Scaling = noise.scaling_parameter()
+    noise_expression: noise.Expression = noise.expression_parameter()
 
     def __post_init__(self) -> None:
         validate(self)
@@ -83,12 +84,12 @@ class DifferentialMotion:
             rot1, rot2 = folded(rot1), folded(rot2)
         turn1, turn2 = (noise.square(turn, noise.TURN, p.noise_scaling) for turn in (rot1, rot2))
         move = noise.square(trans, noise.MOVE, p.noise_scaling)
-        variances = [
+        sums = [
             p.alpha1 * turn1 + p.alpha2 * move,
             p.alpha3 * move + p.alpha4 * (turn1 + turn2),
             p.alpha1 * turn2 + p.alpha2 * move,
         ]
-        return np.sqrt(variances)
+        return noise.deviations(sums, p.noise_expression)
 
 
 def folded(turn: float) -> float:

@@ -5,7 +5,8 @@ The variances are those of nav2_amcl's OmniMotionModel:
     σ_along² = α3·d² + α4·φ²,    σ_across² = α5·d² + α4·φ²,    σ_yaw² = α1·φ² + α2·d²
 
 with the distance d and the turn φ of the odometry's increment (their squares with ``noise_scaling`` = step, else what
-``mclcli.motion.noise`` puts in place of them). Without noise the increment is reproduced exactly.
+``mclcli.motion.noise`` puts in place of them). With ``noise_expression`` = deviation σ is that of ROS 1's
+``omni``: the same sums without the root, with α1 and α4 exchanged. Without noise the increment is reproduced exactly.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class OmnidirectionalParameters:
     alpha4: float = parameter(0.1, "moving noise from turning", unit="m²/rad²", low=0.0, in_nav2=True)
     alpha5: float = parameter(0.1, "sideways noise from moving (omnidirectional only)", low=0.0, in_nav2=True)
     noise_scaling: noise.Scaling = noise.scaling_parameter()
+    noise_expression: noise.Expression = noise.expression_parameter()
 
     def __post_init__(self) -> None:
         validate(self)
@@ -61,13 +63,15 @@ class OmnidirectionalMotion:
         p = self.parameters
         moved = noise.square(float(np.hypot(increment[0], increment[1])), noise.MOVE, p.noise_scaling)
         turned = noise.square(float(se2.wrap(increment[2])), noise.TURN, p.noise_scaling)
-        return np.sqrt(
-            [
-                p.alpha3 * moved + p.alpha4 * turned,
-                p.alpha1 * turned + p.alpha2 * moved,
-                p.alpha5 * moved + p.alpha4 * turned,
-            ]
-        )
+        of_turns, of_moves = p.alpha1, p.alpha4
+        if p.noise_expression == "deviation":  # ROS 1's omni exchanges them
+            of_turns, of_moves = of_moves, of_turns
+        sums = [
+            p.alpha3 * moved + of_moves * turned,
+            of_turns * turned + p.alpha2 * moved,
+            p.alpha5 * moved + of_moves * turned,
+        ]
+        return noise.deviations(sums, p.noise_expression)
 
 
 def _direction(increment: FloatArray) -> tuple[float, float]:

@@ -138,7 +138,7 @@ def test_a_tuned_file_keeps_what_the_robot_was_given_besides(tmp_path: Path) -> 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        (amcl("alpha_1: 0.2"), "has a parameter 'alpha_1', line 3; did you mean 'alpha1'?"),
+        (amcl("alpha_1: 0.2"), "has: 'alpha_1', line 3 (did you mean 'alpha1'?); correct it, or pass over it"),
         ("planner_server:\n  ros__parameters: {a: 1}\n", "no block for amcl; it holds planner_server"),
     ],
 )
@@ -220,3 +220,42 @@ def test_score_takes_a_robots_file(short: Path, tmp_path: Path) -> None:
     assert (result.code, result.out) == (0, same.out)
     said = single_error(mcl("score", short, *words, "--set", "base_frame_id=wheel"), 1)
     assert said.startswith("no transform from 'wheel' to 'laser'")
+
+
+# Names that nobody has, and maps that are turned
+
+
+@pytest.mark.parametrize("command", ["run", "score", "locate", "params"])
+def test_wherever_params_is_lenient_is(command: str) -> None:
+    shown = mcl(command, "--help").out.decode()
+    assert ("--params" in shown, "--lenient" in shown) == (True, True)
+
+
+def test_a_run_with_unknown_names_passed_over_is_that_without_them(short: Path, tmp_path: Path) -> None:
+    lines = ("alpha1: 0.3", "set_initial_pose: true", "initial_pose: {x: -7.45, y: 1.62, yaw: -1.48}")
+    (tmp_path / "plain.yaml").write_text(amcl(*lines))
+    (tmp_path / "more.yaml").write_text(amcl(*lines, "alpha_1: 0.9", "kld_err: 0.5"))
+    plain = run_with(short, tmp_path / "plain.yaml", "-o", "-")
+    more = run_with(short, tmp_path / "more.yaml", "-o", "-", "--lenient")
+    assert "passed over, as on the robot; neither nav2_amcl nor Beluga has: 'alpha_1', line 6" in more.err
+    assert more.out.splitlines()[1:] == plain.out.splitlines()[1:]
+    assert single_error(run_with(short, tmp_path / "more.yaml"), 2).endswith("as the robot does: --lenient")
+
+
+def test_a_run_with_a_file_of_ros1_starts_at_its_pose(short: Path, tmp_path: Path) -> None:
+    pose = "initial_pose_x: -7.45\ninitial_pose_y: 1.62\ninitial_pose_a: -1.48\n"
+    (tmp_path / "amcl.yaml").write_text(f"odom_model_type: diff\nodom_alpha1: 0.2\n{pose}")
+    result = run_with(short, tmp_path / "amcl.yaml")
+    assert result.code == 0, result.err
+    assert "-7.45,1.62,-1.48, with its covariance" in result.err
+
+
+def test_a_turned_map_that_the_profile_does_not_turn_is_told(short: Path, tmp_path: Path) -> None:
+    (tmp_path / OFFICE_MAP.with_suffix(".pgm").name).write_bytes(OFFICE_MAP.with_suffix(".pgm").read_bytes())
+    text = OFFICE_MAP.read_text()
+    (tmp_path / "map.yaml").write_text(text.replace("0.0]", "0.25]"))
+    words = ("run", short, "--map", tmp_path / "map.yaml", "--init", "-7.45,1.62,-1.48", "--duration", 2)
+    told = "the map's origin has a yaw of 0.25 rad, which profile nav2 ignores"
+    assert told in mcl(*words, "--profile", "nav2").err
+    assert "yaw of" not in mcl(*words).err
+    assert "yaw of" not in mcl(*words, "--profile", "nav2", "--set", "origin_yaw=use").err

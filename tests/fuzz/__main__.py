@@ -18,7 +18,16 @@ if TYPE_CHECKING:
     from tests.fuzz.engine import Target
 
 # Those that cost the most a time get fewer executions, in this share of the others'.
-SHARES = {"yaml": 0.2, "map": 0.2, "parameters": 0.2, "scan": 0.2, "landmarks": 0.4, "db3": 0.3, "command line": 0.4}
+SHARES = {
+    "yaml": 0.2,
+    "map": 0.2,
+    "parameters": 0.2,
+    "launch file": 0.2,
+    "scan": 0.2,
+    "landmarks": 0.4,
+    "db3": 0.3,
+    "command line": 0.4,
+}
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -67,6 +67,28 @@ YAML = (
     b"%YAML",
     b"\t",
 )
+ROS1 = b"odom_model_type: omni\nodom_alpha1: 0.1\nlaser_z_hit: 0.5\ninitial_pose_x: 1.0\n"
+LAUNCH = b"""<launch>
+<arg name="a" default="0.5"/>
+<group ns="r" if="true"><rosparam ns="amcl">{kld_err: 0.1}</rosparam>
+<node pkg="amcl" type="amcl" name="amcl"><param name="odom_alpha1" value="$(arg a)" type="double"/>
+<remap from="scan" to="front"/><rosparam subst_value="true">laser_z_hit: $(arg a)</rosparam></node></group></launch>
+"""
+XML = (
+    b"<!DOCTYPE x [",
+    b'<!ENTITY a "b">',
+    b"&a;",
+    b"&#65;",
+    b"<![CDATA[",
+    b"]]>",
+    b"<!--",
+    b"$(arg a)",
+    b"$(find a)",
+    b' unless="1"',
+    b' type="yaml"',
+    b"<node>",
+    b"</node>",
+)
 TIMES = (b"12.5", b"@1663967375.8", b"14:32:05.25", b"2022-09-23T21:09:35+02:00", b"1s", b"95%")
 LINES = (
     b"run\nx.mcap\n--map\nm.yaml\n--init\n1,2,90deg\n--set\nsigma_hit=0.2\n--mount\nlaser=0.1,0,0,0,0,1deg",
@@ -104,6 +126,7 @@ def targets(folder: Path) -> list[Target]:
         Target("yaml", lambda data: safe_yaml.parse(data, "x"), REFUSED, [MAP, PARAMS, LANDMARKS[1]], YAML, limit=300),
         Target("map", file("m.yaml", load_map), REFUSED, [MAP], YAML, limit=300),
         Target("parameters", file("p.yaml", load_settings), REFUSED, [PARAMS, ROS], YAML, limit=300),
+        Target("launch file", file("a.launch", load_settings), REFUSED, [LAUNCH, ROS1], XML, limit=500),
         Target("scan", lambda data: parse_scan(data, "x"), REFUSED, [SCAN, JSON], YAML, limit=500),
         Target("landmarks", file("l", read_landmarks), REFUSED, LANDMARKS, YAML, limit=200),
         Target("bearings", file("b.csv", read_bearings), REFUSED, [b"id,bearing\na,35deg\nb,-0.1\n"], limit=200),

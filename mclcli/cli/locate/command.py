@@ -30,7 +30,7 @@ def command(options: LocateOptions) -> ExitCode:
     each is.
     """
     from mclcli.cli import searching
-    from mclcli.cli.chosen import choose_settings
+    from mclcli.cli.chosen import choose_settings, warn_of_turned_map
     from mclcli.cli.locate import output as locate_output
     from mclcli.cli.locate import scans
     from mclcli.io.traces.output import open_output
@@ -38,6 +38,7 @@ def command(options: LocateOptions) -> ExitCode:
     chosen = choose_settings(options.parameters, {})
     settings = chosen.settings
     grid = options.map_limits.load(options.map_file)
+    warn_of_turned_map(grid, settings)
     landmarks = _landmarks(options.landmarks)
     moments = scans.find(options, chosen, grid, landmarks)
     alpha = searching.temperature_of(options.sensors.temperature)

@@ -115,12 +115,14 @@ def _assign_roles(options: RunOptions, recording: Recording, chosen: Chosen) -> 
 def _set_up(
     options: RunOptions, recording: Recording, parts: Roles, chosen: Chosen
 ) -> tuple[OccupancyGrid | None, Setup, Landmarks | None]:
+    from mclcli.cli.chosen import warn_of_turned_map
     from mclcli.cli.run.start import find_initialpose, read_start, start_of_file, window_ns
     from mclcli.cli.searching import search_for
     from mclcli.io.maps.field_cache import cached_field
     from mclcli.replay import setup as assemble
 
     grid = _find_map(options, recording, parts)
+    warn_of_turned_map(grid, chosen.settings)
     landmarks = _read_landmarks(options.topics.landmarks)
     start = start_of_file(chosen, grid) if options.init is None else read_start(options.init, recording)
     anywhere = start is None and options.init != "uniform" and not options.follow_initialpose

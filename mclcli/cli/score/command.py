@@ -24,7 +24,7 @@ def command(options: ScoreOptions) -> None:
     \b
         mcl extract LOG --at 12.3 | mcl score - --map m.yaml --around 1,2,90deg -n 1000 | sort -t, -k5 -g | tail
     """  # noqa: D301 - click's mark for a verbatim paragraph
-    from mclcli.cli.chosen import choose_settings
+    from mclcli.cli.chosen import choose_settings, warn_of_turned_map
     from mclcli.cli.one_scan import find_scan
     from mclcli.cli.score import explain, output
     from mclcli.cli.score import poses as score_poses
@@ -34,6 +34,7 @@ def command(options: ScoreOptions) -> None:
     chosen = choose_settings(options.parameters, {"max_beams": 0})
     settings = chosen.settings
     grid = options.map_limits.load(options.map_file)
+    warn_of_turned_map(grid, settings)
     scan = find_scan(options.source, options.sensors.mounts, chosen)
     candidates = score_poses.collect(options.poses, grid, for_heatmap=bool(options.heatmap))
     if options.explain or options.picture:

@@ -13,7 +13,6 @@ from mclcli.text import clean
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from pathlib import Path
 
     Keys = tuple[str, ...]
 
@@ -59,37 +58,46 @@ class Block:
 @final
 @dataclass(frozen=True, slots=True)
 class ParameterFile:
-    """What a file of parameters holds: ``own`` names and values in mcl's dialect, or ``blocks`` in ROS 2's."""
+    """What a file of parameters holds: ``own`` names and values in mcl's dialect, or ``blocks`` in ROS 2's.
+
+    ``plain`` are the mappings of a file that is nested without being ROS 2's, as ``rosparam`` takes it.
+    """
 
     name: str
     own: dict[str, Given]
     blocks: tuple[Block, ...] = ()
+    plain: tuple[Block, ...] = ()
+
+    def refuse_plain(self) -> None:
+        """Raise UsageError if the file is nested without being ROS 2's."""
+        if nested := [block.node.strip("/") for block in self.plain if block.node != "/"]:
+            raise UsageError(
+                f"{self.name}: no block '{_BLOCK}' below {listed(nested)}; in a ROS file parameters stand below "
+                f"NODE: {_BLOCK}:, in mcl's own as NAME: VALUE lines"
+            )
 
 
-def read_params(path: str | Path) -> ParameterFile:
-    """Parameters of a YAML file in either dialect.
+def parse_params(data: bytes, name: str) -> ParameterFile:
+    """Parameters of YAML in any dialect; ``name`` is the file's.
 
     Raises
     ------
     UsageError
-        If there is no such file, or it is neither a mapping of names to numbers and words nor blocks of ROS parameters.
+        If there is no such file, or it is no mapping of names.
     InputError
         If it is not YAML that can be read.
 
     """
-    document = safe_yaml.read(path, LIMITS)
+    document = safe_yaml.parse(data, name, LIMITS)
     values = document.value
     if not isinstance(values, dict) or not values:
-        raise UsageError(f"{path}: not a mapping of parameter names to values; `mcl params` prints one to start from")
+        raise UsageError(f"{name}: not a mapping of parameter names to values; `mcl params` prints one to start from")
     blocks = tuple(_blocks(values, (), document))
     if blocks:
-        return ParameterFile(str(path), {}, blocks)
-    if nested := [name for name, value in values.items() if isinstance(value, dict)]:
-        raise UsageError(
-            f"{path}: no block '{_BLOCK}' below {listed(nested)}; in a ROS file parameters stand below "
-            f"NODE: {_BLOCK}:, in mcl's own as NAME: VALUE lines"
-        )
-    return ParameterFile(str(path), _own(values, document))
+        return ParameterFile(name, {}, blocks)
+    if any(isinstance(value, dict) for value in values.values()):
+        return ParameterFile(name, {}, plain=tuple(_mappings(values, (), document)))
+    return ParameterFile(name, _own(values, document))
 
 
 def _own(values: dict[str, Any], document: safe_yaml.Document) -> dict[str, Given]:
@@ -112,6 +120,19 @@ def _blocks(values: dict[str, Any], path: Keys, document: safe_yaml.Document) ->
             yield Block(_node(path), dict(_flat(value, here, (), document)), document.line(*here), torn)
         elif isinstance(value, dict):
             yield from _blocks(value, (*path, key), document)
+
+
+def _mappings(values: dict[str, Any], path: Keys, document: safe_yaml.Document) -> Iterator[Block]:
+    """Every mapping of a file with what stands in it, but for mappings below."""
+    plain = {key: value for key, value in values.items() if not isinstance(value, dict)}
+    given = {
+        key: Given(value, document.line(*path, key), (*path, key) in document.repeated) for key, value in plain.items()
+    }
+    if given or path:
+        yield Block(_node(path), given, document.line(*path))
+    for key, value in values.items():
+        if isinstance(value, dict):
+            yield from _mappings(value, (*path, key), document)
 
 
 def _node(path: Keys) -> str:

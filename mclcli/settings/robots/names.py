@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 Value = bool | int | float | str
 
+ROS1 = "ROS 1's amcl"  # the dialect whose names are in ``ros1``
+
 # What a name can become besides a parameter of mcl.
 MODEL, START, NOTHING = "--model", "--init", ""
 

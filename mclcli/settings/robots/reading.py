@@ -8,11 +8,14 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import UsageError, nearest_name
-from mclcli.io.tables.params_yaml import read_params
+from mclcli.io.tables import launch_xml
+from mclcli.io.tables.params_yaml import LIMITS, parse_params
+from mclcli.io.tables.text_file import read_bytes
 from mclcli.settings import profiles
-from mclcli.settings.robots import names
+from mclcli.settings.robots import names, others, unknown
 from mclcli.settings.robots.blocks import NodeParameters, own_values, parameters_of_amcl
-from mclcli.settings.robots.start import initial_pose, notes
+from mclcli.settings.robots.ros1_files import node_of_launch, node_of_yaml
+from mclcli.settings.robots.start import differences, initial_pose, notes
 from mclcli.text import clean
 
 if TYPE_CHECKING:
@@ -25,7 +28,7 @@ if TYPE_CHECKING:
     from mclcli.settings.robots.start import InitialPose
 
 DEFAULT_MODEL = "likelihood_field"  # as in nav2_amcl and Beluga
-PROFILES: dict[str, Profile] = {"nav2_amcl": "nav2", "Beluga": "beluga"}
+PROFILES: dict[str, Profile] = {"nav2_amcl": "nav2", "Beluga": "beluga", names.ROS1: "nav2"}
 _TENTATIVE = ("base_frame_id", "odom_frame_id", "scan_topic", "map_topic")
 
 
@@ -53,23 +56,34 @@ class FileParameters:
     warnings: tuple[str, ...] = ()
 
 
-def load(path: str | Path, *, profile: Profile | None = None, model: str | None = None) -> FileParameters:
+def load(
+    path: str | Path, *, profile: Profile | None = None, model: str | None = None, lenient: bool = False
+) -> FileParameters:
     """Read a file of parameters; ``profile`` and ``model`` are what the user wants whatever the file says.
+
+    With ``lenient`` unknown names are passed over, as on the robot, with a warning.
 
     Raises
     ------
     UsageError
-        Naming file, parameter and line, for an unknown name (with the nearest) or a value that does not fit; if a ROS
-        file has no block for amcl, or several that differ.
+        Naming file, parameter and line, for all unknown names (with the nearest) or a value that does not fit; if a
+        ROS file has no block for amcl, or several that differ.
     InputError
         If the file cannot be read.
 
     """
-    file = read_params(path)
-    if not file.blocks:
-        return _of_mcl(file.name, file.own, model)
-    node = parameters_of_amcl(file)
-    return from_node(file.name, node, own_values(file), profile=profile, model=model)
+    data, name = read_bytes(path, LIMITS.size), str(path)
+    if launch_xml.looks_like_xml(data):
+        return from_node(name, node_of_launch(data, name, lenient=lenient), {}, profile=profile, model=model)
+    file = parse_params(data, name)
+    if file.blocks:
+        node, own = parameters_of_amcl(file, lenient=lenient), own_values(file)
+        return from_node(name, node, own, profile=profile, model=model, lenient=lenient)
+    ros1 = node_of_yaml(file, lenient=lenient)
+    if ros1 is not None:
+        return from_node(name, ros1, {}, profile=profile, model=model)
+    file.refuse_plain()
+    return _of_mcl(name, file.own, model, lenient=lenient)
 
 
 def load_settings(
@@ -78,8 +92,11 @@ def load_settings(
     *,
     profile: Profile | None = None,
     model: str | None = None,
+    lenient: bool = False,
 ) -> profiles.Settings:
     """Settings of a file of parameters, mcl's or a robot's, with ``values`` that override those of the file.
+
+    With ``lenient``, names that the robot's node does not have are passed over.
 
     Raises
     ------
@@ -89,7 +106,8 @@ def load_settings(
         If it is not a file of parameters.
 
     """
-    return settings_of(load(path, profile=profile, model=model), values or {}, profile=profile, model=model)
+    file = load(path, profile=profile, model=model, lenient=lenient)
+    return settings_of(file, values or {}, profile=profile, model=model)
 
 
 def settings_of(
@@ -128,13 +146,20 @@ def from_node(
     *,
     profile: Profile | None = None,
     model: str | None = None,
+    lenient: bool = False,
 ) -> FileParameters:
     """Parameters of a node as mcl's; ``own`` are those of the file's block for mcl, which override them."""
-    extra = _of_mcl(name, own, model)
-    as_read = {key: _read(name, key, given) for key, given in node.values.items() if key in names.NAMES}
-    dialect = "Beluga" if any(names.is_belugas(key, as_read.get(key)) for key in node.certain) else "nav2_amcl"
+    extra = _of_mcl(name, own, model, lenient=lenient)
+    as_read = {
+        key: _read(name, node.label(key), names.NAMES[key], given)
+        for key, given in node.values.items()
+        if key in names.NAMES
+    }
+    belugas = any(names.is_belugas(key, as_read.get(key)) for key in node.certain)
+    dialect = node.dialect or ("Beluga" if belugas else "nav2_amcl")
     chosen = model or extra.model or str(as_read.get("laser_model_type", DEFAULT_MODEL))
     values, idle = _translated(as_read, dialect, chosen)
+    values |= node.implied
     for key, value in values.items():
         _check(name, key, value, node.values.get(key), chosen)
     said, warned = notes(name, dialect, node, as_read, idle)
@@ -150,14 +175,19 @@ def from_node(
         namespace=node.name.rpartition("/")[0],
         start=initial_pose(name, dialect, as_read),
         as_read=as_read,
-        remarks=(f"{name}: {chose}", *said),
-        warnings=warned,
+        remarks=(f"{name}: {chose}", *said, *differences(name, dialect, values)),
+        warnings=(*warned, *extra.warnings),
     )
 
 
-def _of_mcl(name: str, own: Mapping[str, Given], model: str | None) -> FileParameters:
+def _of_mcl(name: str, own: Mapping[str, Given], model: str | None, *, lenient: bool = False) -> FileParameters:
     """Parameters in mcl's own names, with ``profile`` and ``model`` among them."""
-    values = {key: given.value for key, given in own.items()}
+    known = ["profile", "model", "particles", *(key for _, key, _, _ in profiles.table())]
+    strange = {key: given for key, given in own.items() if key not in known}
+    if whose := others.localizer(strange):
+        raise UsageError(f"{name}: parameters of {whose}, which mcl does not read; `mcl params` prints mcl's own")
+    warnings = unknown.settle(name, "mcl has no parameter", strange, unknown.hint_of(known), lenient=lenient)
+    values = {key: given.value for key, given in own.items() if key in known}
     words = {"profile": tuple(profiles.PROFILES), "model": tuple(profiles.MODELS)}
     chosen = {key: str(values.pop(key)) for key in words if key in values}
     for key, word in chosen.items():
@@ -169,7 +199,7 @@ def _of_mcl(name: str, own: Mapping[str, Given], model: str | None) -> FileParam
     for key, value in values.items():
         _check(name, key, value, own[key], model or chosen.get("model", DEFAULT_MODEL))
     profile = next((known for known in profiles.PROFILES if known == chosen.get("profile")), None)
-    return FileParameters(name, "mcl", profile, chosen.get("model"), values)
+    return FileParameters(name, "mcl", profile, chosen.get("model"), values, warnings=warnings)
 
 
 def _check(name: str, key: str, value: object, given: Given | None, model: str) -> None:
@@ -205,14 +235,14 @@ def _translated(
 
 def _idle(row: Name, dialect: str, model: str) -> str:
     """Why a parameter has no part, empty if it has one."""
-    if (row.beluga if dialect == "Beluga" else row.nav2) is None:
+    if dialect != names.ROS1 and (row.beluga if dialect == "Beluga" else row.nav2) is None:
         return f"unknown to {dialect}"
     if row.models and model not in row.models:
         return f"not of model {model}"
     return "no part in a replay" if row.becomes == names.NOTHING else ""
 
 
-def _read(name: str, key: str, given: Given) -> names.Value:
+def _read(name: str, key: str, row: Name, given: Given) -> names.Value:
     """Value of a node's parameter, of the type it has there; whole numbers stand for real ones.
 
     Raises
@@ -221,7 +251,7 @@ def _read(name: str, key: str, given: Given) -> names.Value:
         If it is of another type, or none of the words that exist.
 
     """
-    row, value = names.NAMES[key], given.value
+    value = given.value
     expected = {bool: "true or false", int: "a whole number", float: "a number (units are mcl's own dialect)"}
     read = _typed(row.kind, value)
     if read is None:

@@ -159,10 +159,16 @@ def test_mcls_own_block_goes_before(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lines", "said"),
     [
-        (["alpha1: 0.2", "sigma_hitt: 0.2"], "neither nav2_amcl nor Beluga has a parameter 'sigma_hitt', line 4; did "),
-        (["laser_z_hit: 0.2"], "neither nav2_amcl nor Beluga has a parameter 'laser_z_hit', line 3; did you mean"),
-        (["qqq: 0.2"], "neither nav2_amcl nor Beluga has a parameter 'qqq', line 3; delete it"),
-        (["initial_pose: {xx: 0.2}"], "has a parameter 'initial_pose.xx', line 3; did you mean 'initial_pose.x'?"),
+        (["alpha1: 0.2", "sigma_hitt: 0.2"], "neither nav2_amcl nor Beluga has: 'sigma_hitt', line 4 (did you mean "),
+        (["laser_z_hit: 0.2"], "nor Beluga has: 'laser_z_hit', line 3 (ROS 1's name of z_hit); correct it, or "),
+        (["gui_publish_rate: 0.2"], "nor Beluga has: 'gui_publish_rate', line 3 (ROS 1's); correct it, or "),
+        (
+            ["qqq: 0.2"],
+            "neither nav2_amcl nor Beluga has: 'qqq', line 3; correct it, or pass over it as the robot does",
+        ),
+        (["initial_pose: {xx: 0.2}"], "has: 'initial_pose.xx', line 3 (did you mean 'initial_pose.x'?)"),
+        (["initial_pose: {a: 0.2}"], "has: 'initial_pose.a', line 3 (the yaw is initial_pose.yaw)"),
+        (["initial_pose: [0.0, 0.2]"], "has: 'initial_pose', line 3 (a list is no pose there"),
         (["alpha1: 3deg"], "alpha1 = '3deg', line 3: must be a number (units are mcl's own dialect)"),
         (["alpha1: '0.2'"], "alpha1 = '0.2', line 3: must be a number"),
         (["alpha1: true"], "alpha1 = True, line 3: must be a number"),
@@ -184,6 +190,7 @@ def test_mcls_own_block_goes_before(tmp_path: Path) -> None:
             ["set_initial_pose: true", "initial_pose: {covariance_x: -1.0}"],
             "initial_pose.covariance_…: not a covariance",
         ),
+        (["set_initial_pose: true", "initial_pose: {x: .nan}"], "the initial pose or its covariance is not a number"),
     ],
 )
 def test_what_is_wrong_is_named_with_its_line(tmp_path: Path, lines: list[str], said: str) -> None:
@@ -307,7 +314,7 @@ def test_mcls_own_files_name_profile_and_model(tmp_path: Path) -> None:
     [
         ("profile: nav3\n", "profile = nav3, line 1: must be one of textbook, nav2, beluga; did you mean 'nav2'?"),
         ("alpha1: 0.2\nmodel: lidar\n", "model = lidar, line 2: must be one of likelihood_field, "),
-        ("alpha1: 0.2\nsigma_hitt: 0.2\n", "unknown parameter 'sigma_hitt', line 2; did you mean 'sigma_hit'?"),
+        ("alpha1: 0.2\nsigma_hitt: 0.2\n", "mcl has no parameter: 'sigma_hitt', line 2 (did you mean 'sigma_hit'?)"),
         ("alpha1: -1\n", "parameter alpha1 = -1.0: must be at least 0, line 1; see `mcl params`"),
         ("particles: 5:x\n", "parameter max_particles: 'x' is not a number, line 1"),
     ],
