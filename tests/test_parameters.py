@@ -214,3 +214,27 @@ def test_any_value_is_taken_whole_or_refused_in_one_line(name: str, value: objec
     else:
         said = f"{name} = {taken}" if isinstance(taken, str) or math.isfinite(taken) else ""
     assert name in said
+
+
+SHARES = ["resample_ess", "fit_trusted", "fit_ignored", "recovery_alpha_slow", "recovery_alpha_fast"]
+SHARES += ["beam_skip_threshold", "beam_skip_error_threshold", "eps_outlier"]
+NOT_NEGATIVE = ["alpha1", "alpha2", "alpha3", "alpha4", "alpha5", "stationary_sigma_xy", "stationary_sigma_yaw"]
+NOT_NEGATIVE += ["update_min_d", "update_min_a", "vision_min_d", "vision_min_a", "odom_max_speed", "odom_max_turn"]
+NOT_NEGATIVE += ["max_beams", "z_hit", "z_rand", "z_short", "z_max"]
+COUNTS = ["resample_interval", "min_particles", "max_particles", "locate_beams", "window_beams", "window_scans"]
+BOUNDS: dict[str, tuple[float | None, float | None]] = {
+    **dict.fromkeys(SHARES, (0.0, 1.0)),
+    **dict.fromkeys(NOT_NEGATIVE, (0.0, None)),
+    **dict.fromkeys(COUNTS, (1, None)),
+    "hypotheses": (0, 100),
+    "kld_unlimited_bins": (0, 2),
+    "off_map_prior": (0.0, 0.99),
+    "lambda_short": (0.0, 1e9),
+    "sigma_hit": (1e-9, 1e9),  # of the beam model
+}
+
+
+def test_bounds_are_those_of_their_meaning() -> None:
+    """The others have an exclusive lower bound, or none."""
+    rows = {name: description for model in profiles.MODELS for _, name, _, description in profiles.table(model)}
+    assert {name: (d.low, d.high) for name, d in rows.items() if d.low is not None} == BOUNDS

@@ -19,9 +19,9 @@ ROOT = Path(__file__).resolve().parents[2]
 KILLED, SURVIVED, TIMEOUT = "killed", "survived", "timeout"
 _BYTES = 6 << 30
 _ELSEWHERE = {  # tests beside those of the package itself
-    "filter": ("golden", "replay/test_loop.py", "replay/test_recovery.py"),
-    "sensors": ("golden", "kernels/test_borders.py"),
-    "search": ("cli/test_locate.py",),
+    "filter": ("test_parameters.py", "golden", "replay/test_loop.py", "replay/test_recovery.py"),
+    "sensors": ("test_parameters.py", "golden", "kernels/test_borders.py"),
+    "search": ("test_parameters.py", "cli/test_locate.py"),
     "geometry": ("sensors", "kernels/test_borders.py"),
     "world": ("kernels/test_borders.py", "golden"),
     "motion": ("golden",),

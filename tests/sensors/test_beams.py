@@ -11,7 +11,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from mclcli.errors import InputError, UsageError
-from mclcli.geometry import se3
+from mclcli.geometry import se2, se3
 from mclcli.quantity import MOST_TURNED
 from mclcli.sensors.beams import (
     BeamOrigin,
@@ -209,3 +209,13 @@ def test_scans_whose_beams_point_nowhere_known(first: float, step: float, *, pro
     assert bool(problem_of(scan)) is problem
     growing = scan_of([1.0] * 3, angle_min=0.0, angle_increment=0.6 * MOST_TURNED)
     assert problem_of(growing)
+
+
+def test_beams_of_a_sweep_are_each_seen_from_a_base_of_its_own() -> None:
+    scan, mount = scan_of([1.0, NAN, 2.5, 4.0]), se3.from_rpy([0.3, -0.2, 0.1], 0.0, 0.0, 0.7)
+    bases = np.array([[0.1, -0.4, 0.3], [9.0, 9.0, 9.0], [0.05, 0.7, -0.2], [0.0, 0.0, 0.0]])
+    still, swept = select(scan, mount, ALL), select(scan, mount, ALL, lambda chosen: bases[chosen])
+    for i, base in enumerate(bases[[0, 2, 3]]):
+        end = se2.compose(base, [*still.endpoints[i], 0.0])[:2]
+        np.testing.assert_allclose(swept.endpoints[i], end, atol=1e-12)
+        np.testing.assert_allclose(swept.origins[i], se2.compose(base, [*still.origins[i], 0.0])[:2], atol=1e-12)
