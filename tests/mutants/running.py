@@ -19,9 +19,15 @@ ROOT = Path(__file__).resolve().parents[2]
 KILLED, SURVIVED, TIMEOUT = "killed", "survived", "timeout"
 _BYTES = 6 << 30
 _ELSEWHERE = {  # tests beside those of the package itself
-    "filter": ("test_parameters.py", "golden", "replay/test_loop.py", "replay/test_recovery.py"),
-    "sensors": ("test_parameters.py", "golden", "kernels/test_borders.py"),
-    "search": ("test_parameters.py", "cli/test_locate.py"),
+    "filter": (
+        "test_parameters.py",
+        "settings/robots/test_names.py",
+        "golden",
+        "replay/test_loop.py",
+        "replay/test_recovery.py",
+    ),
+    "sensors": ("test_parameters.py", "settings/robots/test_names.py", "golden", "kernels/test_borders.py"),
+    "search": ("test_parameters.py", "settings/robots/test_names.py", "cli/test_locate.py"),
     "geometry": ("sensors", "kernels/test_borders.py"),
     "world": ("kernels/test_borders.py", "golden"),
     "motion": ("golden",),
@@ -96,14 +102,16 @@ class Scratch:
         child = os.fork()
         if not child:
             self._be_pytest(tests, seconds, self.folder / cache, write=write)
-        deadline = time.monotonic() + 20.0 * seconds
-        while time.monotonic() < deadline:
-            ended, status = os.waitpid(child, os.WNOHANG)
-            if ended:
-                return os.waitstatus_to_exitcode(status)
-            time.sleep(0.01)
-        os.killpg(child, signal.SIGKILL)
-        return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        deadline, ended = time.monotonic() + 20.0 * seconds, 0
+        try:
+            while not ended and time.monotonic() < deadline:
+                ended, status = os.waitpid(child, os.WNOHANG)
+                time.sleep(0.0 if ended else 0.01)
+        finally:  # after Ctrl-C as well
+            if not ended:
+                os.killpg(child, signal.SIGKILL)
+                _, status = os.waitpid(child, 0)
+        return os.waitstatus_to_exitcode(status)
 
     def _be_pytest(self, tests: list[str], seconds: float, cache: Path, *, write: bool) -> None:
         code = 70
