@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.errors import UsageError
+from mclcli.quantity import looks_like_degrees
 from mclcli.settings.robots import names
 from mclcli.text import clean
 
@@ -103,6 +104,11 @@ def _warnings(dialect: str, node: NodeParameters, as_read: Values) -> Iterator[s
             yield f"{label} stands there twice; the last one counts, line {given.line}, as on the robot"
         if row.only and not _is_default(value, row.beluga):
             yield f"{label} = {value}, line {given.line}, is not followed: {row.note.partition(';')[0]}"
+        if key == "initial_pose.yaw" and isinstance(value, float | int) and looks_like_degrees(value):
+            yield (
+                f"{label} = {value:g} rad, line {given.line}, looks like degrees; for {value:g} deg write "
+                f"{math.radians(value):.6g}"
+            )
         if key == "pf_z" and given.line and isinstance(value, float) and 0.0 < value < 1.0:
             yield (
                 f"{label} = {value:g}, line {given.line}, is a normal quantile to {dialect}, so a probability of "

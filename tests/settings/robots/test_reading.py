@@ -250,6 +250,12 @@ def test_a_pose_counts_only_where_it_is_to_be_set(tmp_path: Path) -> None:
     assert read(tmp_path, amcl("set_initial_pose: false", "initial_pose: {x: 1.0}")).start is None
 
 
+@pytest.mark.parametrize(("yaw", "told"), [("90.0", True), ("-7", True), ("3.2", False)])
+def test_a_yaw_of_more_than_a_turn_looks_like_degrees(tmp_path: Path, yaw: str, told: bool) -> None:  # noqa: FBT001
+    settings = read(tmp_path, amcl("set_initial_pose: true", f"initial_pose: {{yaw: {yaw}}}"))
+    assert told == any("looks like degrees" in line for line in settings.warnings)
+
+
 def test_belugas_poses_have_its_default_covariance(tmp_path: Path) -> None:
     start = read(tmp_path, amcl("set_initial_pose: true", "debug: false")).start
     assert start is not None
