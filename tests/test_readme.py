@@ -31,7 +31,7 @@ def options_of(name: str) -> set[str]:
 def test_the_documented_exit_codes_are_those_there_are() -> None:
     text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
     listed = re.findall(r"^\| ([\d, ]+) \|", text.partition("## Exit codes")[2], re.MULTILINE)
-    signals = {128 + number for number in (signal.SIGINT, signal.SIGPIPE, signal.SIGTERM)}
+    signals = {128 + number for number in (signal.SIGHUP, signal.SIGINT, signal.SIGPIPE, signal.SIGTERM)}
     assert {int(code) for codes in listed for code in codes.split(",")} == {*ExitCode, *signals}
 
 

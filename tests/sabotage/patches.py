@@ -155,8 +155,8 @@ _MAPS_AND_TEXTS = [
     Patch(
         "the image of a map stays in its folder",
         "io/maps/map_yaml.py",
-        "    if not allow_outside and",
-        "    if allow_outside and",
+        "if exists and (inside or allow_outside):",
+        "if exists:",
         "io/test_map_yaml.py -k outside",
     ),
     Patch(
