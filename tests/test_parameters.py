@@ -219,7 +219,7 @@ def test_any_value_is_taken_whole_or_refused_in_one_line(name: str, value: objec
 SHARES = ["resample_ess", "fit_trusted", "fit_ignored", "recovery_alpha_slow", "recovery_alpha_fast"]
 SHARES += ["beam_skip_threshold", "beam_skip_error_threshold", "eps_outlier"]
 NOT_NEGATIVE = ["alpha1", "alpha2", "alpha3", "alpha4", "alpha5", "stationary_sigma_xy", "stationary_sigma_yaw"]
-NOT_NEGATIVE += ["update_min_d", "update_min_a", "vision_min_d", "vision_min_a", "odom_max_speed", "odom_max_turn"]
+NOT_NEGATIVE += ["vision_min_d", "vision_min_a", "odom_max_speed", "odom_max_turn"]
 NOT_NEGATIVE += ["max_beams", "z_hit", "z_rand", "z_short", "z_max"]
 COUNTS = ["resample_interval", "min_particles", "max_particles", "locate_beams", "window_beams", "window_scans"]
 BOUNDS: dict[str, tuple[float | None, float | None]] = {
