@@ -100,7 +100,7 @@ def write_whole(path: Path, parts: Iterable[bytes | memoryview]) -> None:
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | _BINARY | _UNFOLLOWED
         handle = os.open(new, flags, 0o600, dir_fd=entered)
         try:
-            with open(handle, "wb") as file:  # noqa: PTH123 - a descriptor
+            with os.fdopen(handle, "wb") as file:
                 file.writelines(parts)
                 file.flush()
                 os.fsync(file.fileno())

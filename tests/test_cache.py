@@ -216,6 +216,12 @@ def test_a_group_of_others_counts_and_the_users_own_does_not(root: Path) -> None
     assert not find_field()[0].is_relative_to(root)
 
 
+def test_what_another_user_owns_is_told_by_its_number(tmp_path: Path) -> None:
+    theirs = os.stat_result((0o100600, 0, 0, 1, os.getuid() + 1, os.getgid(), 0, 0, 0, 0))
+    assert ownership.fault(theirs, str(tmp_path)) == "it belongs to another user"
+    assert ownership.fault(tmp_path.stat(), str(tmp_path)) == ""
+
+
 def test_a_group_that_nobody_knows_counts_as_others(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     status = os.stat_result((0o100620, 0, 0, 1, os.getuid(), 3_000_000_000, 0, 0, 0, 0))
     assert ownership.fault(status, str(tmp_path)) == "others may write to it"

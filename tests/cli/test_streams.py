@@ -131,3 +131,22 @@ def test_a_closed_stream_by_its_name(folder: Path, target: str, shell: str) -> N
     assert done.returncode in {1, 2}, done.stderr
     assert is_quiet(done)
     assert written(folder) == {}
+
+
+OPENED = """
+import os, sys
+from mclcli import startup
+startup.secure_streams()
+print(os.open(os.devnull, os.O_RDONLY), sys.stderr is not None, file=open({target!r}, "w"))
+"""
+
+
+@pytest.mark.parametrize("shell", ["<&-", ">&-", "2>&-", "<&- 2>&-", "<&- >&- 2>&-"])
+def test_descriptors_of_closed_streams_are_not_given_away(tmp_path: Path, shell: str) -> None:
+    target = tmp_path / "number"
+    script = OPENED.format(target=str(target))
+    command = ["bash", "-c", f'exec "$@" {shell}', "bash", sys.executable, "-c", script]
+    subprocess.run(command, env={**os.environ, "PYTHONPATH": str(ROOT)}, check=True, timeout=60)
+    number, has_stderr = target.read_text().split()
+    assert int(number) > 2
+    assert has_stderr == "True"
