@@ -173,13 +173,9 @@ class _Pass:
 
         One that begins in it and ends behind it is searched from the start, once framing breaks.
         """
-        inside = search.chunk_within(data[start:], len(data) - start + self.src.left)
-        self.safe_at = at + 1
-        if inside is None:
-            return None
-        self.src.unread(data[start + inside :])
-        self.safe_at = self.src.offset
-        return start + inside
+        inside = self.src.go_on_within(data, start, search.chunk_within)
+        self.safe_at = at + 1 if inside is None else self.src.offset
+        return inside
 
     def mended(self, plain: bytes, at: int, stop: int) -> Iterator[Item | Nameless]:
         """The rest of a run of records that is broken at ``stop``, as far as records can be found in it."""

@@ -240,13 +240,9 @@ class _Pass:
 
         One that begins in it and ends behind it is searched from the start, once framing breaks.
         """
-        inside = search.chunk_within(body[start:], len(body) - start + self.src.left)
-        self.safe_at = at + 1
-        if inside is None:
-            return None
-        self.src.unread(body[start + inside :])
-        self.safe_at = self.src.offset
-        return start + inside
+        inside = self.src.go_on_within(body, start, search.chunk_within)
+        self.safe_at = at + 1 if inside is None else self.src.offset
+        return inside
 
     def definitions(self) -> Definitions:
         """Schemas and channels that stand anywhere in the file."""

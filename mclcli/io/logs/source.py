@@ -72,6 +72,17 @@ class ByteSource:
         self.offset -= len(data)
         self.crc_valid = False
 
+    def go_on_within(self, data: bytes, start: int, find: Callable[[bytes, int], int | None]) -> int | None:
+        """Go on at what ``find`` sees in ``data``, the last bytes read, behind ``start``; returns where, or None.
+
+        ``find`` gets these bytes and how many there are from their beginning to the end of the stream.
+        """
+        inside = find(data[start:], len(data) - start + self.left)
+        if inside is None:
+            return None
+        self.unread(data[start + inside :])
+        return start + inside
+
     def go_to(self, offset: int) -> None:
         """Move to ``offset``: backwards only in a file (a pipe stays where it is)."""
         if offset >= self.offset:
