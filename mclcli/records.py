@@ -38,12 +38,16 @@ class LaserScan:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class Odometry:
-    """Pose of the base in the odometry frame: ``pose`` (3,) float64, x, y [m], yaw [rad]."""
+    """Pose of the base in the odometry frame: ``pose`` (3,) float64, x, y [m], yaw [rad].
+
+    ``twist`` is the velocity that is stated beside it, in the base's frame: x, y [m/s], yaw [rad/s].
+    """
 
     stamp_ns: int
     frame_id: str
     child_frame_id: str
     pose: FloatArray
+    twist: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 @final

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
 from mclcli.cli import console
+from mclcli.text import clean
 
 if TYPE_CHECKING:
     from collections.abc import Collection
 
     from mclcli.cli.options import ParameterOptions
+    from mclcli.io.recording.roles import RequestedRoles, Roles
     from mclcli.io.recording.survey import LogSurvey
     from mclcli.settings.profiles import Settings
     from mclcli.settings.robots.reading import FileParameters
@@ -62,6 +64,24 @@ def warn_of_turned_map(grid: OccupancyGrid | None, settings: Settings) -> None:
             f"the map's origin has a yaw of {yaw:g} rad, which profile {settings.profile} ignores as nav2_amcl does: "
             "poses are in the map as if it were not turned; --set origin_yaw=use turns it"
         )
+
+
+def assigned(survey: LogSurvey, requested: RequestedRoles) -> Roles:
+    """Roles of a log's topics and frames; says so where there was a choice, or where what is used is doubtful.
+
+    Raises UsageError and InputError as ``mclcli.io.recording.roles.assign`` does.
+    """
+    from mclcli.io.recording.roles import assign
+
+    parts = assign(survey, requested)
+    if parts.robot and "robot" in parts.reasons:
+        console.remark(f"robot: {clean(parts.robot)}, {parts.reasons['robot']}")
+    for role, name in (("scan", " ".join(parts.scan)), ("odometry", parts.odometry), ("map", parts.map)):
+        if "not " in (reason := parts.reasons.get(role, "")):
+            console.remark(f"{role}: {clean(name)}, {reason}")
+    for line in parts.doubts:
+        console.warn(f"odometry: {line}")
+    return parts
 
 
 def names_in(survey: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) -> dict[str, str]:

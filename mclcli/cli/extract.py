@@ -33,6 +33,7 @@ class ExtractOptions:
     index: int | None
     form: Form
     mounts: Mapping[str, FloatArray]
+    robot: str | None
 
 
 @click.command("extract", short_help="Print one message of a log, a laser scan ready for `mcl score -`.")
@@ -58,21 +59,24 @@ class ExtractOptions:
     callback=parse.parse_mounts,
     help="Where the lidar sits, instead of what the log says.",
 )
+@options.robot
 @options.common
 @options.into(ExtractOptions)
 def command(extract: ExtractOptions) -> None:
     """Print one message of LOG as YAML or JSON; with a laser scan goes where its lidar sits on the base."""
     from mclcli.cli import one_scan
-    from mclcli.io.recording.roles import SCAN
+    from mclcli.io.logs import open_log
+    from mclcli.io.recording.kinds import SCAN
+    from mclcli.io.recording.recording import Recording
     from mclcli.io.tables.scan_file import format_scan
 
-    recording, parts = one_scan.open_for_scan(Path(extract.log), None)
+    recording = Recording(open_log([Path(extract.log)]))
     topic = extract.topic
     channel = recording.survey.topics.get(topic or "")
     if topic is not None and (channel is None or channel.channel.type not in SCAN):
         click.echo(_other(recording, topic, extract), nl=False)
         return
-    parts = parts if topic is None else dataclasses.replace(parts, scan=(topic,))
+    parts = one_scan.roles_for_scan(recording, topic, extract.robot)
     scan = one_scan.scan_of_log(recording, parts, extract.at, extract.index)
     try:
         mount = one_scan.mount_in_log(recording, parts, scan, extract.mounts)

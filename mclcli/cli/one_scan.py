@@ -44,10 +44,15 @@ def find_scan(source: ScanSource, mounts: Mapping[str, FloatArray], chosen: Chos
     if name != "-" and not Path(name).exists():
         raise UsageError(f"{name}: no such file; name a LaserScan as YAML or JSON, a log, or - for stdin")
     if name != "-" and is_log(Path(name)):
-        recording, parts = open_for_scan(Path(name), source.scan_topic, chosen)
+        recording, parts = open_for_scan(source, chosen)
         scan = scan_of_log(recording, parts, source.at, source.index)
         return MountedScan(scan, mount_in_log(recording, parts, scan, mounts), parts.base_frame)
-    for_logs = {"--at": source.at, "--index": source.index, "--scan-topic": source.scan_topic}
+    for_logs = {
+        "--at": source.at,
+        "--index": source.index,
+        "--scan-topic": source.scan_topic,
+        "--robot": source.robot,
+    }
     for option, value in for_logs.items():
         if value is not None:
             raise UsageError(f"{option}: {name} is one scan, not a log; leave the option out")
@@ -55,15 +60,27 @@ def find_scan(source: ScanSource, mounts: Mapping[str, FloatArray], chosen: Chos
 
 
 def open_for_scan(
-    path: Path, topic: str | None, chosen: Chosen | None = None, odometry: str | None = None
+    source: ScanSource, chosen: Chosen | None = None, odometry: str | None = None
 ) -> tuple[Recording, Roles]:
     """A log, and which of its topics holds the scans: the one named, else the one that ``mcl run`` would use."""
-    from mclcli.cli.chosen import names_in
     from mclcli.io.logs import open_log
-    from mclcli.io.recording import roles
     from mclcli.io.recording.recording import Recording
 
-    recording = Recording(open_log([path]))
+    recording = Recording(open_log([Path(source.scan)]))
+    return recording, roles_for_scan(recording, source.scan_topic, source.robot, chosen, odometry)
+
+
+def roles_for_scan(
+    recording: Recording,
+    topic: str | None,
+    robot: str | None,
+    chosen: Chosen | None = None,
+    odometry: str | None = None,
+) -> Roles:
+    """Roles of a log's topics, where the topic of scans, the robot or the odometry may be named."""
+    from mclcli.cli.chosen import names_in
+    from mclcli.io.recording import roles
+
     overruled = {"map_topic", "scan_topic"} if topic else {"map_topic"}
     names = {} if chosen is None else names_in(recording.survey, chosen, overruled)
     scan = topic or names.get("scan_topic", "")
@@ -72,8 +89,9 @@ def open_for_scan(
         odometry=odometry or names.get("odom_topic", ""),
         base_frame=names.get("base_frame_id", ""),
         odom_frame=names.get("odom_frame_id", ""),
+        robot=robot or "",
     )
-    return recording, roles.assign(recording.survey, requested)
+    return roles.assign(recording.survey, requested)
 
 
 def scan_of_log(recording: Recording, parts: Roles, at: LogTime | None, index: int | None) -> LaserScan:
@@ -159,11 +177,12 @@ def mount_in_log(recording: Recording, parts: Roles, scan: LaserScan, mounts: Ma
     given = mounts.get(scan.frame_id, mounts.get(""))
     if given is not None:
         return given
-    tree = recording.survey.frames
-    mount = tree.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
+    mount = recording.mount_at(parts, scan.frame_id, scan.stamp_ns)
     if mount is None:
+        tree = parts.frames
+        when = " at its stamp" if tree.connected(parts.base_frame, scan.frame_id) else ""
         raise InputError(
-            f"no transform from '{parts.base_frame}' to '{scan.frame_id}'; frames in the log: "
+            f"no transform from '{parts.base_frame}' to '{scan.frame_id}'{when}; frames in the log: "
             f"{', '.join(tree.frames) or 'none'}; give --mount {scan.frame_id}=X,Y,YAW"
         )
     return mount

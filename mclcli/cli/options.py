@@ -149,7 +149,10 @@ class ScanSource:
     at: LogTime | None
     index: int | None
     scan_topic: str | None
+    robot: str | None
 
+
+robot = click.option("--robot", metavar="NAME", help="Which robot of a log that has several; `mcl info` names them.")
 
 scan_source = together(
     ScanSource,
@@ -158,6 +161,7 @@ scan_source = together(
     click.option("--at", metavar="TIME", callback=parse_at, help="Of a log: the scan nearest to this time."),
     click.option("--index", metavar="N", type=click.IntRange(min=0), help="Of a log: the scan of this number, from 0."),
     click.option("--scan-topic", metavar="TOPIC", help="Of a log: the topic of the scan."),
+    robot,
 )
 
 

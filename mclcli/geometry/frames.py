@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from typing import TYPE_CHECKING, final
 
@@ -10,15 +11,20 @@ import numpy as np
 from mclcli.geometry import se3
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from mclcli.arrays import FloatArray
     from mclcli.records import Transform
 
-_SAME = 1e-9  # [m, or of a rotation matrix's entries] a repeated transform may differ by rounding
+FIXED_M, FIXED_RAD = 1e-4, math.radians(0.01)
+"""An edge that moves and turns by no more than this is fixed: physics engines publish mounts that tremble."""
+_SAME = np.full((4, 4), FIXED_RAD)  # a matrix differs by no more than this from one that is turned by so much
+_SAME[:3, 3] = FIXED_M
 
 
 @final
 class _Edge:
-    """One parent-to-child edge; it moves once a value that differs from the first has arrived."""
+    """One parent-to-child edge; it moves once a value has arrived that is not that of the first."""
 
     __slots__ = ("first", "matrices", "moves", "parent", "stamps")
 
@@ -31,10 +37,16 @@ class _Edge:
 
     def add(self, stamp_ns: int, matrix: FloatArray, *, keep: bool) -> None:
         """Take in the transform (4, 4) at a stamp; without ``keep`` only whether it ever changes."""
-        self.moves = self.moves or float(np.abs(self.first - matrix).max()) > _SAME
+        self.moves = self.moves or bool((np.abs(self.first - matrix) > _SAME).any())
         if keep and (not self.stamps or stamp_ns > self.stamps[-1]):
             self.stamps.append(stamp_ns)
             self.matrices.append(matrix)
+
+    def replayed(self) -> _Edge:
+        """The same edge without its history."""
+        edge = _Edge(self.parent, self.first)
+        edge.moves = self.moves
+        return edge
 
     def at(self, stamp_ns: int) -> FloatArray | None:
         """Value at a stamp, interpolated, never extrapolated."""
@@ -62,32 +74,88 @@ class TransformTree:
 
     Static transforms, and others whose value never changes, hold at all times wherever they stand in the log. A
     survey's tree keeps no history: it knows which edges move, and the values of those that do not.
+
+    A frame has one parent, the latest. Where two nodes state it below different parents by turns, ``contested`` names
+    them, and ``choose_parent`` says which one counts from then on.
     """
 
     def __init__(self, *, keep_history: bool = True) -> None:
         self._keep_history = keep_history
         self._edges: dict[str, _Edge] = {}
+        self._left: dict[str, dict[str, _Edge]] = {}  # by child, edges to parents that it had before
+        self._returned: set[str] = set()  # children that went back to a parent that they had left
+        self._chosen: dict[str, str] = {}
         self._fixed: dict[tuple[str, str], FloatArray] = {}  # looked up where nothing moves
 
     def replayed(self) -> TransformTree:
         """Tree for reading the log again: what never moves is known from the start, what moves is not known yet."""
         tree = TransformTree()
-        for child, edge in self._edges.items():
-            tree._edges[child] = _Edge(edge.parent, edge.first)
-            tree._edges[child].moves = edge.moves
+        self.hand_down(tree)
         return tree
+
+    @classmethod
+    def union(cls, trees: Iterable[TransformTree]) -> TransformTree:
+        """A tree with the edges of several, without history; where two know a frame, the earlier one counts."""
+        result = cls(keep_history=False)
+        for tree in trees:
+            tree.hand_down(result)
+        return result
+
+    def hand_down(self, other: TransformTree) -> None:
+        """Let another tree have what it does not know."""
+        for child in self._edges.keys() - other._edges.keys():
+            other._edges[child] = self._edges[child].replayed()
+            if child in self._chosen:
+                other._chosen[child] = self._chosen[child]
 
     def add(self, transform: Transform) -> None:
         """Take one transform in; a frame's latest parent counts, and so does a static transform's latest value."""
         edge = self._edges.get(transform.child)
         if edge is None or edge.parent != transform.parent or transform.static:
-            edge = self._edges[transform.child] = _Edge(transform.parent, transform.parent_from_child)
-            self._fixed.clear()
+            if self._chosen.get(transform.child, transform.parent) != transform.parent:
+                return
+            edge = self._replace(edge, transform)
         if not transform.static:
             moved = edge.moves
             edge.add(transform.stamp_ns, transform.parent_from_child, keep=self._keep_history)
             if edge.moves is not moved:
                 self._fixed.clear()
+
+    def _replace(self, edge: _Edge | None, transform: Transform) -> _Edge:
+        """The edge that a transform begins, or goes back to."""
+        self._fixed.clear()
+        child, parent = transform.child, transform.parent
+        known = None
+        if edge is not None and edge.parent != parent:
+            left = self._left.setdefault(child, {})
+            left[edge.parent] = edge
+            known = left.pop(parent, None)
+            if known is not None:
+                self._returned.add(child)
+        if known is None or transform.static:
+            known = _Edge(parent, transform.parent_from_child)
+        self._edges[child] = known
+        return known
+
+    @property
+    def contested(self) -> dict[str, list[str]]:
+        """Parents, sorted, of each frame that is stated below several by turns."""
+        return {child: sorted({self._edges[child].parent, *self._left[child]}) for child in sorted(self._returned)}
+
+    def choose_parent(self, child: str, parent: str) -> None:
+        """Let a frame have this parent alone, of those that were stated.
+
+        Raises
+        ------
+        KeyError
+            If it was never stated.
+
+        """
+        if self._edges[child].parent != parent:
+            self._left[child][self._edges[child].parent] = self._edges[child]
+            self._edges[child] = self._left[child].pop(parent)
+        self._chosen[child] = parent
+        self._fixed.clear()
 
     @property
     def frames(self) -> list[str]:
@@ -135,6 +203,16 @@ class TransformTree:
             return common_from_b
         common_from_a = self._chain(up_a[: up_a.index(common)], stamp_ns)
         return None if common_from_a is None else se3.inverse(common_from_a) @ common_from_b
+
+    def nominal(self, a: str, b: str) -> FloatArray | None:
+        """``a_from_b`` (4, 4) with the first value of every edge that moves; None if nothing connects the two."""
+        chains = []
+        for frames in (self.ancestors(a), self.ancestors(b)):
+            result = np.eye(4)
+            for frame in frames[:-1]:
+                result = self._edges[frame].first @ result
+            chains.append(result)
+        return se3.inverse(chains[0]) @ chains[1] if self.connected(a, b) else None
 
     def moves_between(self, a: str, b: str) -> bool:
         """Whether an edge on the path between two frames was seen to change."""

@@ -163,7 +163,8 @@ class Intake:
     def take(self, topic: str, record: object) -> None:
         """Sort one message in."""
         if isinstance(record, tuple):
-            self._take_transforms(record)
+            if topic in self._setup.transform_topics:
+                self._take_transforms(record)
         elif isinstance(record, Odometry):
             if topic == self._setup.odometry:
                 self._take_odometry(record)

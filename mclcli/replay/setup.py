@@ -10,7 +10,7 @@ from mclcli.filter.localizer import Localizer
 from mclcli.filter.recovery import FromAnywhere, Proposal
 from mclcli.filter.start import Anywhere, AroundPose, Start, WhenTold
 from mclcli.native.backend import COMPILED, NUMPY, Backend, choose
-from mclcli.records import LandmarkSightings, LaserScan, PixelSightings
+from mclcli.records import LandmarkSightings, LaserScan, Odometry, PixelSightings
 from mclcli.replay.loop import Setup
 from mclcli.sensors.bearing import BearingModel
 from mclcli.sensors.instruments import Camera, Lidar
@@ -131,7 +131,7 @@ def prepare(
         odometry=roles.odometry,
         odom_frame=roles.odom_frame,
         base_frame=roles.base_frame,
-        frames=survey.frames,
+        frames=roles.frames,
         mounts=mounts or {},
         window_ns=window_ns,
         transform_topics=_transform_topics(survey, roles, list(instruments)),
@@ -237,8 +237,11 @@ def _transform_topics(survey: LogSurvey, roles: Roles, topics: list[str]) -> tup
     frames = [
         sample.frame_id for sample in samples if isinstance(sample, LaserScan | LandmarkSightings | PixelSightings)
     ]
-    moving = any(survey.frames.moves_between(roles.base_frame, frame) for frame in frames)
-    return survey.transform_topics if moving or roles.odometry == "tf" else ()
+    sample = survey.topics[roles.odometry].sample if roles.odometry in survey.topics else None
+    if isinstance(sample, Odometry):
+        frames.append(sample.child_frame_id or roles.base_frame)
+    moving = any(roles.frames.moves_between(roles.base_frame, frame) for frame in frames)
+    return roles.transform_topics if moving or roles.odometry == "tf" else ()
 
 
 def _numbered(role: str, count: int) -> list[str]:
@@ -258,8 +261,8 @@ def _check_mount(survey: LogSurvey, roles: Roles, topic: str, mounts: Mounts) ->
     sample = survey.topics[topic].sample
     if not isinstance(sample, LaserScan | LandmarkSightings | PixelSightings):
         return
-    frame, frames = sample.frame_id, survey.frames.frames
-    known = frame == roles.base_frame or survey.frames.connected(roles.base_frame, frame)
+    frame, frames = sample.frame_id, roles.frames.frames
+    known = frame == roles.base_frame or roles.frames.connected(roles.base_frame, frame)
     if frame in mounts or "" in mounts or known:
         return
     raise InputError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, final, get_args
 
 from mclcli.errors import UsageError, nearest_name
 from mclcli.filter.kld import KldParameters
@@ -18,6 +18,7 @@ from mclcli.search.parameters import SearchParameters
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingParameters
 from mclcli.sensors.models import LIDAR_MODELS, lidar_entry
+from mclcli.world import MapUpdate
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -39,6 +40,12 @@ class FrameParameters:
     global_frame_id: str = parameter("map", "frame of the map, in MCAP traces", in_nav2=True)
     scan_topic: str = parameter("", "topic of the laser scans; empty: found; `--scan` overrides it", in_nav2=True)
     map_topic: str = parameter("", "topic of the map where `--map` names none; empty: found", in_nav2=True)
+    map_update: MapUpdate = parameter(
+        "auto",
+        "which message of the map's topic counts: auto, the last of a map that grew and else the first; follow, the "
+        "one in force at each update",
+        choices=get_args(MapUpdate),
+    )
 
     def __post_init__(self) -> None:
         validate(self)

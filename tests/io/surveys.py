@@ -29,5 +29,5 @@ def log_of(*topics: tuple[str, str], moving: tuple[tuple[str, str], ...] = ()) -
         for stamp in (0, 1):
             matrix = np.eye(4)
             matrix[0, 3] = stamp
-            survey.frames.add(transform(stamp, parent, child, matrix))
+            survey.of_transforms("/tf").add("/tf", [transform(stamp, parent, child, matrix)])
     return survey

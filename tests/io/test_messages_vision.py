@@ -10,7 +10,7 @@ import pytest
 
 from mclcli.io.logs.base import RawMessage, Tally
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
-from mclcli.io.recording.roles import SIGHTINGS
+from mclcli.io.recording.kinds import SIGHTINGS
 from mclcli.records import CameraModel, LandmarkSightings, PixelSightings
 from tests.io.logs import seeded
 from tests.io.vision_samples import (

@@ -61,6 +61,7 @@ def setup(**changes: Any) -> Setup:
         "odom_frame": "odom",
         "base_frame": "base_link",
         "frames": MOUNTED,
+        "transform_topics": ("/tf",),
     }
     return Setup(**(fields | changes))
 

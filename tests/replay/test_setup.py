@@ -40,7 +40,7 @@ ODOM_FRAME, BASE = "odom", "base_footprint"
 def log(*topics: tuple[str, str], mounted: bool = True) -> LogSurvey:
     found = log_of(*topics)
     for frame in ("laser", "camera") if mounted else ():
-        found.frames.add(transform(0, BASE, frame, np.eye(4), static=True))
+        found.of_transforms("/tf").add("/tf", [transform(0, BASE, frame, np.eye(4), static=True)])
     return found
 
 
@@ -147,7 +147,7 @@ def test_moving_transforms_are_read_only_where_they_are_needed() -> None:
     for stamp in (0, 1):
         matrix = np.eye(4)
         matrix[0, 3] = stamp
-        swinging.frames.add(transform(stamp, BASE, "laser", matrix))
+        swinging.of_transforms("/tf").add("/tf", [transform(stamp, BASE, "laser", matrix)])
     assert prepared(swinging, grid=GRID).topics == {"/scan", "/odom", "/tf"}
 
 
@@ -174,7 +174,7 @@ def test_what_is_missing_is_an_error_in_one_line(
 
 def test_a_sensor_that_nothing_mounts_is_named_with_the_known_frames() -> None:
     found = log(*TOPICS, mounted=False)
-    found.frames.add(transform(0, BASE, "roof", np.eye(4), static=True))
+    found.of_transforms("/tf").add("/tf", [transform(0, BASE, "roof", np.eye(4), static=True)])
     with pytest.raises(InputError, match=rf"from '{BASE}' to 'laser'; .*roof.*--mount laser="):
         prepared(found, grid=GRID)
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli.cli import console
 from mclcli.errors import InputError, UsageError
 from mclcli.records import LaserScan, StampedPose
 from mclcli.sensors.observation import Observation
@@ -74,7 +75,7 @@ def find(
         return _one_scan(options, chosen)
     if options.bearings is not None:
         raise UsageError("--bearings go with a single scan; in a log the landmarks' own topic is used")
-    recording, parts = one_scan.open_for_scan(Path(source), options.source.scan_topic, chosen, options.odom)
+    recording, parts = one_scan.open_for_scan(options.source, chosen, options.odom)
     if not window_ns and every_ns is None and landmarks is None:
         scan = one_scan.scan_of_log(recording, parts, at, index)
         mount = one_scan.mount_in_log(recording, parts, scan, options.sensors.mounts)
@@ -124,6 +125,8 @@ def _setup(
     from mclcli.io.maps.field_cache import cached_field
     from mclcli.replay import setup as assemble
 
+    for line in parts.doubts:
+        console.warn(f"odometry: {line}")
     if not parts.scan:
         raise InputError(
             f"{options.source.scan}: the log has no laser scan that can be used; `mcl info` shows what it has"

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import Roles
     from mclcli.replay.loop import ReplayTally, Setup
+    from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
     from mclcli.world.occupancy import OccupancyGrid
 
@@ -51,8 +52,8 @@ def command(options: RunOptions) -> ExitCode:
     if options.picture:
         open_output(options.picture, binary=True, inputs=inputs)  # refuses now what it would refuse at the end
     tally = ReplayTally()
-    with Outputs(options, recording, setup, settings, grid, landmarks, inputs) as outputs:
-        events = _events(recording, setup, outputs, references)
+    with Outputs(options, recording, parts, setup, settings, grid, landmarks, inputs) as outputs:
+        events = _events(recording, parts, setup, outputs, references)
         with report.progress(recording) as show:
             for point in replay(events, setup, tally):
                 outputs.write(point)
@@ -85,8 +86,7 @@ def _open(options: RunOptions) -> Recording:
 
 def _assign_roles(options: RunOptions, recording: Recording, chosen: Chosen) -> Roles:
     """Roles of the log's topics and frames; says so where there was a choice."""
-    from mclcli.cli import console
-    from mclcli.cli.chosen import names_in
+    from mclcli.cli.chosen import assigned, names_in
     from mclcli.io.recording import roles
 
     topics = options.topics
@@ -104,12 +104,9 @@ def _assign_roles(options: RunOptions, recording: Recording, chosen: Chosen) -> 
         base_frame=names["base_frame_id"],
         odom_frame=names["odom_frame_id"],
         map_frame=chosen.settings.frames.global_frame_id,
+        robot=topics.robot or "",
     )
-    parts = roles.assign(recording.survey, requested)
-    for role in ("scan", "odometry"):
-        if "not " in (reason := parts.reasons.get(role, "")):
-            console.remark(f"{role}: {' '.join(getattr(parts, role)) if role == 'scan' else parts.odometry}, {reason}")
-    return parts
+    return assigned(recording.survey, requested)
 
 
 def _set_up(
@@ -121,7 +118,7 @@ def _set_up(
     from mclcli.io.maps.field_cache import cached_field
     from mclcli.replay import setup as assemble
 
-    grid = _find_map(options, recording, parts)
+    grid = _find_map(options, recording, parts, chosen.settings)
     warn_of_turned_map(grid, chosen.settings)
     landmarks = _read_landmarks(options.topics.landmarks)
     start = start_of_file(chosen, grid) if options.init is None else read_start(options.init, recording)
@@ -156,32 +153,33 @@ def _read_landmarks(path: Path | None) -> Landmarks | None:
     return read_landmarks(path)
 
 
-def _find_map(options: RunOptions, recording: Recording, parts: Roles) -> OccupancyGrid | None:
+def _find_map(options: RunOptions, recording: Recording, parts: Roles, settings: Settings) -> OccupancyGrid | None:
     """The map asked for, else the one that the log holds."""
     from mclcli.cli import console
+    from mclcli.io.recording import map_topics
     from mclcli.world.occupancy import OccupancyGrid
 
     if options.map_file is not None:
         return options.map_limits.load(options.map_file)
     if not parts.map:
         return None
-    grid = recording.survey.topics[parts.map].sample
-    assert isinstance(grid, OccupancyGrid)  # noqa: S101 - roles go by type
-    console.remark(f"map: from the log's topic {parts.map}")
+    topic = recording.survey.topics[parts.map]
+    grids = [topic.sample] if topic.count == 1 else recording.records(parts.map)
+    usable = [grid for grid in grids if isinstance(grid, OccupancyGrid)]
+    grid = map_topics.pick(parts.map, usable, settings.frames.map_update, console.warn)
+    console.remark(f"map: from the log's topic {parts.map}{map_topics.which(grid, usable)}")
     return grid
 
 
 def _events(
-    recording: Recording, setup: Setup, outputs: Outputs, references: References
+    recording: Recording, parts: Roles, setup: Setup, outputs: Outputs, references: References
 ) -> Iterator[tuple[str, object]]:
     """Decoded messages that take part; transforms are passed on to traces that keep them."""
-    needed = (
-        setup.topics
-        | references.topics
-        | (set(recording.survey.transform_topics) if outputs.keeps_transforms else set())
-    )
-    for topic, record in recording.events(needed):
-        if isinstance(record, tuple):
+    own = frozenset(parts.transform_topics)
+    for topic, record in recording.events(
+        setup.topics | references.topics | (own if outputs.keeps_transforms else frozenset())
+    ):
+        if isinstance(record, tuple) and topic in own:
             outputs.pass_on(record)
         references.take(topic, record)
         yield topic, record

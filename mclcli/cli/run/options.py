@@ -29,6 +29,7 @@ class TopicOptions:
     odom: str | None
     vision: tuple[str, ...]
     landmarks: Path | None
+    robot: str | None
 
 
 @final
@@ -93,12 +94,13 @@ topic_options = options.together(
         "--scan",
         "scans",
         multiple=True,
-        metavar="TOPIC",
-        help="Laser scan topic; the first one given triggers updates.",
+        metavar="TOPIC|all",
+        help="Laser scan topic, or all lidars of the robot; the first one given triggers updates.",
     ),
     click.option("--odom", metavar="TOPIC|tf", help="Odometry topic, or tf."),
     click.option("--vision", multiple=True, metavar="TOPIC", help="Topic of landmark sightings; needs --landmarks."),
     click.option("--landmarks", type=click.Path(path_type=Path), help="Landmarks, CSV or YAML: id, x, y[, z]."),
+    options.robot,
 )
 
 run_options = options.all_of(

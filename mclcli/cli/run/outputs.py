@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
     from mclcli.cli.run.options import RunOptions
     from mclcli.io.recording.recording import Recording
+    from mclcli.io.recording.roles import Roles
     from mclcli.io.traces.formats import Role, Writer
     from mclcli.records import StepRecord, TrackPoint, Transform
     from mclcli.replay.loop import Setup
@@ -44,6 +45,7 @@ class Outputs:
         self,
         options: RunOptions,
         recording: Recording,
+        parts: Roles,
         setup: Setup,
         settings: Settings,
         grid: OccupancyGrid | None,
@@ -63,7 +65,7 @@ class Outputs:
             odom_frame=setup.odom_frame,
             base_frame=setup.base_frame,
             map_frame=settings.frames.global_frame_id,
-            static_transforms=tuple(recording.survey.statics.values()),
+            static_transforms=recording.survey.statics(parts.transform_topics),
             backend=setup.localizer.backend,
         )
         self._stack = ExitStack()

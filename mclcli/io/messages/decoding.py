@@ -97,7 +97,9 @@ def _odometry(value: Parsed, context: Context) -> Odometry | Undecodable:
     if pose is None:
         return _BAD_POSE
     frame, child = frame_name(value.header.frame_id), frame_name(value.child_frame_id)
-    return Odometry(context.stamp(value.header), frame, child, pose)
+    linear, angular = value.twist.twist.linear, value.twist.twist.angular
+    twist = (float(linear.x), float(linear.y), float(angular.z))
+    return Odometry(context.stamp(value.header), frame, child, pose, twist)
 
 
 def _transforms(value: Parsed, context: Context) -> tuple[Transform, ...]:
@@ -141,7 +143,7 @@ def _occupancy_grid(value: Parsed, _: Context) -> OccupancyGrid | Undecodable:
         return Undecodable("its cells are not width × height")
     cells = read_only(np.array(value.data, dtype=np.int8).reshape(info.height, info.width))
     try:
-        return OccupancyGrid(cells, float(info.resolution), origin)
+        return OccupancyGrid(cells, float(info.resolution), origin, frame_name(value.header.frame_id))
     except ValueError as error:
         return Undecodable(str(error)[:200])
 

@@ -16,6 +16,7 @@ from mclcli.io.recording.survey import LogSurvey, survey_log
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
+    from mclcli.arrays import FloatArray
     from mclcli.io.logs import Log
     from mclcli.io.logs.base import RawMessage
     from mclcli.io.recording.diagnosis import Diagnosis
@@ -86,6 +87,23 @@ class Recording:
     def raw(self, topic: str) -> Iterator[RawMessage]:
         """Messages of one topic as recorded."""
         return self._messages(frozenset({topic}))
+
+    def mount_at(self, parts: Roles, frame: str, stamp_ns: int) -> FloatArray | None:
+        """``base_from_frame`` (4, 4) at a stamp, None if no transform says it; reads the log where the mount moves."""
+        tree = parts.frames
+        if not tree.moves_between(parts.base_frame, frame):
+            return tree.lookup(parts.base_frame, frame, stamp_ns)
+        tree = tree.replayed()
+        for message in self._messages(frozenset(parts.transform_topics)):
+            record = decode(message)
+            for transform in record if isinstance(record, tuple) else ():
+                tree.add(transform)
+            mount = tree.lookup(parts.base_frame, frame, stamp_ns)
+            if mount is not None:
+                return mount
+            latest_ns = tree.latest_common(parts.base_frame, frame)
+            tree.forget_before(min(stamp_ns, stamp_ns if latest_ns is None else latest_ns))
+        return None
 
     def records(self, topic: str) -> list[object]:
         """Everything decodable of one topic; of a pipe, only what its head holds."""

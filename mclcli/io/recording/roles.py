@@ -2,27 +2,26 @@
 
 from __future__ import annotations
 
-import difflib
-import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError, UsageError, nearest_name
-from mclcli.io.messages.sightings import types_with
-from mclcli.io.recording import cameras
+from mclcli.geometry.frames import TransformTree
+from mclcli.io.recording import cameras, lidars, map_topics, odometry_sources
+from mclcli.io.recording.kinds import MAP, ODOMETRY, POSES, SCAN, SIGHTINGS, TF, is_truth
+from mclcli.io.recording.robots import Robot, find_robots
 from mclcli.records import Odometry
+from mclcli.text import clean
+from mclcli.world.occupancy import OccupancyGrid
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mclcli.io.recording.odometry_sources import Source
     from mclcli.io.recording.survey import LogSurvey, TopicSurvey
 
-SCAN = ("sensor_msgs/msg/LaserScan",)
-ODOMETRY = ("nav_msgs/msg/Odometry",)
-SIGHTINGS = (*types_with("rays"), *cameras.PIXELS)
-POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
-MAP = ("nav_msgs/msg/OccupancyGrid",)
-TF = "tf"
-
-_TRUTH = re.compile(r"truth|(^|[/_])gt([/_]|$)|mocap|vicon|optitrack", re.IGNORECASE)
+ALL = "all"
+"""In place of a topic of laser scans: every lidar of the robot."""
 
 
 @final
@@ -30,7 +29,9 @@ _TRUTH = re.compile(r"truth|(^|[/_])gt([/_]|$)|mocap|vicon|optitrack", re.IGNORE
 class Roles:
     """Who does what in a log. Topics are empty where nobody plays the part; ``reasons`` says why, role by role.
 
-    ``odometry`` is a topic or ``tf``; ``odom_frame`` and ``base_frame`` are the ends of the odometry used.
+    ``odometry`` is a topic or ``tf``; ``odom_frame`` and ``base_frame`` are the ends of the odometry used. ``robot`` is
+    whose roles these are, where there are several; its ``frames`` have the transforms of ``transform_topics``.
+    ``doubts`` are lines about what is used although something speaks against it.
     """
 
     scan: tuple[str, ...] = ()
@@ -41,12 +42,17 @@ class Roles:
     odom_frame: str = "odom"
     base_frame: str = "base_link"
     reasons: dict[str, str] = field(default_factory=dict)
+    doubts: tuple[str, ...] = ()
+    robot: str = ""
+    namespace: str = "/"
+    frames: TransformTree = field(default_factory=lambda: TransformTree(keep_history=False), compare=False)
+    transform_topics: tuple[str, ...] = ()
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class RequestedRoles:
-    """What the user named; everything else is found."""
+    """What the user named; everything else is found. ``scan`` may be ``all`` alone."""
 
     scan: tuple[str, ...] = ()
     odometry: str = ""
@@ -55,91 +61,204 @@ class RequestedRoles:
     base_frame: str = ""
     odom_frame: str = ""
     map_frame: str = "map"
+    robot: str = ""
 
 
 def assign(survey: LogSurvey, requested: RequestedRoles = RequestedRoles()) -> Roles:
-    """Give out the roles.
+    """Give out the roles, all of them to one robot.
 
     Raises
     ------
     UsageError
-        If a topic the user named is not in the log, or not of a type that fits.
+        If a topic or robot the user named is not in the log, or not of a type that fits, or if there are several robots
+        and nothing says which one is meant.
+    InputError
+        If the frame of odometry that the user named is not above the base.
 
     """
-    reasons: dict[str, str] = {}
-    scan = requested.scan or _nearest_to("scan", survey.of_type(*SCAN), "laser scan", reasons, "scan")
-    odometry = requested.odometry or _find_odometry(survey, requested, reasons)
-    vision = requested.vision or _find_vision(survey)
-    named = () if odometry in {"", TF} else (odometry,)
+    named = (requested.odometry,) if requested.odometry not in {"", TF} else ()
+    scans = () if requested.scan == (ALL,) else requested.scan
     mapped = (requested.map,) if requested.map else ()
-    for names, types in ((scan, SCAN), (vision, SIGHTINGS), (named, ODOMETRY), (mapped, MAP)):
+    for names, types in ((scans, SCAN), (requested.vision, SIGHTINGS), (named, ODOMETRY), (mapped, MAP)):
         for name in names:
             _check(survey, name, types)
+    _settle_parents(survey, requested.odom_frame)
+    robots = find_robots(survey, requested.base_frame)
+    robot, reasons = _choose(robots, requested)
+    robot = _with_scans(robot, robots, scans)
+    order, why = lidars.by_view(survey, robot) if robot.scans else ([], "")
+    scan = scans or tuple(order if requested.scan else order[:1])
+    if why and not requested.scan:
+        reasons["scan"] = why
+    chosen_map, why = map_topics.choose(survey, robot, {"map", requested.map_frame}, robots)
+    if why and not requested.map:
+        reasons["map"] = why
+    source, doubts = _odometry(survey, robot, requested, requested.map or chosen_map, reasons)
+    vision = requested.vision or _by_calibration(survey, robot)
     cameras.explain(survey, vision, reasons)
-    base, odom = _frames(survey, odometry, requested)
     return Roles(
         scan=scan,
-        odometry=odometry,
+        odometry=source.name if source else "",
         vision=vision,
-        truth=_find_truth(survey, reasons),
-        map=requested.map or _first(survey.of_type(*MAP)),
-        odom_frame=odom,
-        base_frame=base,
+        truth=_find_truth(survey, robot, robots, reasons),
+        map=requested.map or chosen_map,
+        odom_frame=(source.frame if source else "") or requested.odom_frame or "odom",
+        base_frame=_base_frame(robot, requested, source),
         reasons=reasons,
+        doubts=doubts,
+        robot=robot.name if len(robots) > 1 else "",
+        namespace=robot.namespace,
+        frames=robot.frames,
+        transform_topics=robot.transform_topics,
     )
 
 
-def initialpose(survey: LogSurvey) -> str:
-    """Topic on which an operator told the robot where it was, empty if there is none; the shortest of several names."""
+def initialpose(survey: LogSurvey, namespace: str = "/") -> str:
+    """Topic on which an operator told the robot where it was, empty if there is none.
+
+    One in the robot's namespace goes before others; of several names the shortest counts.
+    """
     names = [topic.channel.topic for topic in survey.of_type("geometry_msgs/msg/PoseWithCovarianceStamped")]
     topics = sorted(name for name in names if name.rpartition("/")[2] == "initialpose")
-    return min(topics, key=len, default="")
+    return min(topics, key=lambda name: (not name.startswith(namespace), len(name)), default="")
 
 
-def is_truth(topic: str) -> bool:
-    """Whether a topic is named like a reference: it is never used as odometry."""
-    return bool(_TRUTH.search(topic))
+def _settle_parents(survey: LogSurvey, odom_frame: str) -> None:
+    """Choose one parent for each frame that is stated below several by turns: the one that odometry is told in."""
+    told = [t.sample.frame_id for t in survey.of_type(*ODOMETRY) if isinstance(t.sample, Odometry)]
+    for space in survey.transforms.values():
+        for child, parents in space.tree.contested.items():
+            seen = {parent: space.sampled[parent, child].seen for parent in parents if (parent, child) in space.sampled}
+            best = max(
+                parents, key=lambda name: (name == odom_frame, name in told, "odom" in name, seen.get(name, 0), name)
+            )
+            space.tree.choose_parent(child, best)
 
 
-def _nearest_to(word: str, topics: list[TopicSurvey], what: str, reasons: dict[str, str], role: str) -> tuple[str, ...]:
-    """The topic whose name is most like a word; says so where there was a choice."""
-    if not topics:
-        return ()
-    names = [topic.channel.topic for topic in topics]
-    best = max(names, key=lambda name: (difflib.SequenceMatcher(None, word, name.strip("/")).ratio(), -len(name)))
-    others = [name for name in names if name != best]
-    reasons[role] = (
-        f"the only {what} topic" if not others else f"of the {what} topics nearest to '{word}'; not {', '.join(others)}"
+def _choose(robots: Sequence[Robot], requested: RequestedRoles) -> tuple[Robot, dict[str, str]]:
+    """The robot that is meant, and why it is this one where there are others."""
+    if requested.robot:
+        meant = [robot for robot in robots if robot.answers_to(requested.robot)]
+        if len(meant) != 1:
+            names = ", ".join(robot.name for robot in robots)
+            raise UsageError(
+                f"--robot: no robot '{requested.robot}' in the log; it has {names or 'one without a name'}"
+            )
+        return meant[0], {}
+    implied = [robot for robot in robots if _is_implied(robot, requested)] or list(robots)
+    complete = [robot for robot in implied if robot.is_complete]
+    if len(robots) == 1 or len(implied) == 1 or len(complete) == 1:
+        robot = implied[0] if len(implied) == 1 else complete[0] if complete else robots[0]
+        others = ", ".join(other.name for other in robots if other is not robot)
+        how = "the one that is named" if len(implied) < len(robots) else "the only one with sensors and odometry"
+        return robot, {"robot": f"{how}; not {others}"} if others else {}
+    if not complete:
+        return implied[0], {}
+    names = " and ".join(robot.name for robot in complete)
+    raise AmbiguousRobotError(f"the log has {len(complete)} robots, {names}; say which one is meant with --robot")
+
+
+@final
+class AmbiguousRobotError(UsageError):
+    """A log has several robots, and nothing says which one is meant."""
+
+
+def _is_implied(robot: Robot, requested: RequestedRoles) -> bool:
+    """Whether everything that is named fits this robot."""
+    own = {*robot.scans, *robot.vision}
+    sensors = [name for name in (*requested.scan, *requested.vision) if name != ALL]
+    return (
+        all(name in own for name in sensors[:1])
+        and requested.base_frame in {"", robot.base}
+        and (requested.odometry in {"", TF} or requested.odometry in robot.odometry or bool(sensors))
+        and (not requested.odom_frame or sensors != [] or requested.odom_frame in robot.frames.ancestors(robot.base))
     )
-    return (best,)
 
 
-def _find_odometry(survey: LogSurvey, requested: RequestedRoles, reasons: dict[str, str]) -> str:
-    topics = [topic for topic in survey.of_type(*ODOMETRY) if not is_truth(topic.channel.topic)]
-    if topics:
-        return _nearest_to("odom", topics, "odometry", reasons, "odometry")[0]
-    base = _base_frame(survey, requested, None)
-    if _odom_ancestor(survey, base, requested):
-        reasons["odometry"] = "transforms above the base (no odometry topic)"
-        return TF
-    return ""
+def _with_scans(robot: Robot, robots: Sequence[Robot], scans: tuple[str, ...]) -> Robot:
+    """The robot with transforms of others, if scans are named that others have."""
+    others = [other for other in robots if other is not robot and set(other.scans) & set(scans)]
+    if not others:
+        return robot
+    topics = dict.fromkeys(topic for one in (robot, *others) for topic in one.transform_topics)
+    frames = TransformTree.union([robot.frames, *(other.frames for other in others)])
+    return replace(robot, frames=frames, transform_topics=tuple(topics))
 
 
-def _find_vision(survey: LogSurvey) -> tuple[str, ...]:
-    """Every topic with landmarks; last those whose camera is not known: the first one may have to trigger updates."""
-    names = [topic.channel.topic for topic in survey.of_type(*SIGHTINGS)]
-    return tuple(sorted(names, key=lambda name: cameras.is_without_calibration(survey, name)))
-
-
-def _find_truth(survey: LogSurvey, reasons: dict[str, str]) -> str:
-    named = [t for t in survey.of_type(*POSES, *ODOMETRY) if is_truth(t.channel.topic)]
+def _odometry(
+    survey: LogSurvey, robot: Robot, requested: RequestedRoles, map_topic: str, reasons: dict[str, str]
+) -> tuple[Source | None, tuple[str, ...]]:
+    """The source named, else the best one; with what speaks against it."""
+    above = _odom_ancestor(robot, requested)
+    grid = survey.topics[map_topic].sample if map_topic else None
+    frames = {"map", requested.map_frame, grid.frame_id if isinstance(grid, OccupancyGrid) else ""} - {""}
+    named = requested.odometry
+    if named not in {"", TF, *robot.odometry}:
+        robot = replace(robot, odometry=(*robot.odometry, named))
+    sources = odometry_sources.sources_of(survey, robot, above, frames)
     if named:
-        reasons["truth"] = "named like a reference; never an input"
-    return _first(named)
+        source = next((source for source in sources if source.name == named), None)
+        if source is None:
+            raise InputError(_no_transforms(robot, named))
+    else:
+        source = sources[0] if sources else None
+        reasons |= {"odometry": _why(source, sources[1:])} if source else {}
+    if source is None:
+        return None, ()
+    if requested.odom_frame and source.name != TF:
+        source = replace(source, frame=requested.odom_frame)
+    better = [other.name for other in sources if other.weight < min(source.weight, 2)]
+    cure = f"{better[0]} has no such fault (--odom {better[0]})" if better else "the log has no better source"
+    what = "transforms above the base" if source.name == TF else clean(source.name)
+    return source, tuple(f"{what}: {doubt.what}; {cure}" for doubt in source.doubts if doubt.weight > 1)
 
 
-def _first(topics: list[TopicSurvey]) -> str:
-    return topics[0].channel.topic if topics else ""
+def _why(source: Source, others: Sequence[Source]) -> str:
+    """Why a source was chosen."""
+    topics = [other for other in others if other.name != TF]
+    if source.name == TF:
+        what = "transforms above the base"
+        return what + (f"; not {_doubted(topics)}" if topics else " (no odometry topic)")
+    if not others or (not topics and not others[0].doubts):
+        return "the only odometry topic"
+    worse = [other for other in others if other.weight > source.weight]
+    if worse:
+        return f"of the odometry in the log what speaks least against; not {_doubted(others)}"
+    return f"of the odometry topics nearest to 'odom'; not {_doubted(topics)}"
+
+
+def _doubted(sources: Sequence[Source]) -> str:
+    told = []
+    for source in sources:
+        doubt = max(source.doubts, key=lambda doubt: doubt.weight, default=None)
+        name = "tf" if source.name == TF else clean(source.name)
+        told.append(f"{name} ({doubt.what})" if doubt else name)
+    return ", ".join(told)
+
+
+def _no_transforms(robot: Robot, named: str) -> str:
+    if named == TF:
+        frames = ", ".join(map(clean, robot.frames.frames)) or "none"
+        return (
+            f"--odom tf: no transform moves the base '{clean(robot.base or 'base_link')}'; frames in the log: {frames}"
+        )
+    return f"--odom: topic '{clean(named)}' has no message that can be used"
+
+
+def _by_calibration(survey: LogSurvey, robot: Robot) -> tuple[str, ...]:
+    """A robot's topics of landmarks; last those whose camera is not known: the first may have to trigger updates."""
+    return tuple(sorted(sorted(robot.vision), key=lambda name: cameras.is_without_calibration(survey, name)))
+
+
+def _find_truth(survey: LogSurvey, robot: Robot, robots: Sequence[Robot], reasons: dict[str, str]) -> str:
+    """A topic that is named like a reference, of no other robot."""
+    foreign = tuple(other.namespace for other in robots if other is not robot and other.namespace != "/")
+    topics: list[TopicSurvey] = [t for t in survey.of_type(*POSES, *ODOMETRY) if is_truth(t.channel.topic)]
+    named = [t.channel.topic for t in topics if not t.channel.topic.startswith(foreign)]
+    if not named:
+        return ""
+    reasons["truth"] = "named like a reference; never an input"
+    return min(named, key=lambda name: not name.startswith(robot.namespace))
 
 
 def _check(survey: LogSurvey, name: str, types: tuple[str, ...]) -> None:
@@ -155,35 +274,30 @@ def _check(survey: LogSurvey, name: str, types: tuple[str, ...]) -> None:
         raise UsageError(f"topic '{name}': not of type {' or '.join(types)}; {hint}")
 
 
-def _frames(survey: LogSurvey, odometry: str, requested: RequestedRoles) -> tuple[str, str]:
-    sample = survey.topics[odometry].sample if odometry in survey.topics else None
-    if sample is not None and not isinstance(sample, Odometry):
-        raise UsageError(f"topic '{odometry}': not of type nav_msgs/msg/Odometry; give --odom another topic, or tf")
-    base = _base_frame(survey, requested, sample)
-    if sample is not None:
-        return base, requested.odom_frame or sample.frame_id or "odom"
-    return base, (_odom_ancestor(survey, base, requested) if odometry == TF else "") or "odom"
-
-
-def _base_frame(survey: LogSurvey, requested: RequestedRoles, odometry: Odometry | None) -> str:
-    """The frame asked for, else odometry's child, else base_link, else base_footprint."""
-    frames = survey.frames.frames
+def _base_frame(robot: Robot, requested: RequestedRoles, source: Source | None) -> str:
+    """The frame asked for, else odometry's child, else base_link or base_footprint of the robot."""
     if requested.base_frame:
         return requested.base_frame
-    if odometry is not None and odometry.child_frame_id:
-        return odometry.child_frame_id
-    return next((name for name in ("base_link", "base_footprint") if name in frames), "base_link")
+    child = source.child if source is not None and source.name != TF else ""
+    frames = robot.frames.frames
+    if child and (not robot.base or (child in frames and robot.frames.connected(child, robot.base))):
+        return child
+    prefix = robot.base.rpartition("/")[0]
+    named = [f"{prefix}/{name}" if prefix else name for name in ("base_link", "base_footprint")]
+    rigid = (name for name in named if name in frames and not robot.frames.moves_between(name, robot.base or name))
+    return next(rigid, robot.base or "base_link")
 
 
-def _odom_ancestor(survey: LogSurvey, base: str, requested: RequestedRoles) -> str:
+def _odom_ancestor(robot: Robot, requested: RequestedRoles) -> str:
     """The frame above the base that odometry is told in: ``odom``, else the highest moving one below ``map``."""
-    chain = survey.frames.ancestors(base)
-    if requested.odom_frame:
+    tree, base = robot.frames, requested.base_frame or robot.base
+    chain = tree.ancestors(base) if base else []
+    if requested.odom_frame and requested.odometry == TF:
         if requested.odom_frame not in chain:
-            raise InputError(
-                f"frame '{requested.odom_frame}' is not above '{base}'; frames: {', '.join(survey.frames.frames)}"
-            )
+            raise InputError(f"frame '{requested.odom_frame}' is not above '{base}'; frames: {', '.join(tree.frames)}")
+        return requested.odom_frame
+    if requested.odom_frame in chain:
         return requested.odom_frame
     maps = {"map", "world", requested.map_frame}
-    above = [p for f in chain if (p := survey.frames.parent(f)) and survey.frames.moves(f) and p not in maps]
+    above = [p for f in chain if (p := tree.parent(f)) and tree.moves(f) and p not in maps]
     return next((frame for frame in above if "odom" in frame), above[-1] if above else "")

@@ -8,16 +8,21 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry.frames import TransformTree
+from mclcli.io.logs.base import RawMessage
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
+from mclcli.io.recording import transforms
+from mclcli.io.recording.samples import EvenSample
+from mclcli.io.recording.transforms import TransformSurvey
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable
 
     from mclcli.arrays import IntArray
-    from mclcli.io.logs.base import Channel, RawMessage
+    from mclcli.io.logs.base import Channel
     from mclcli.records import Transform
 
-_TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
+_KEPT = {"nav_msgs/msg/Odometry": (3, 64), "sensor_msgs/msg/LaserScan": (1, 48)}
+"""Of which types a sample is kept: messages that follow each other, and how many such runs."""
 
 
 @final
@@ -25,7 +30,8 @@ _TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
 class TopicSurvey:
     """One topic: its messages counted, the first one decoded (``sample``), or why that cannot be (``problem``).
 
-    ``first_ns``, ``last_ns`` and ``longest_gap_ns`` are log times.
+    ``first_ns``, ``last_ns`` and ``longest_gap_ns`` are log times. Of odometry and scans ``kept`` has some messages,
+    evenly spread, as they are recorded.
     """
 
     channel: Channel
@@ -35,6 +41,16 @@ class TopicSurvey:
     longest_gap_ns: int = 0
     sample: object | None = None
     problem: str = ""
+    kept: EvenSample[RawMessage] | None = None
+
+    def __post_init__(self) -> None:
+        if self.channel.type in _KEPT:
+            self.kept = EvenSample(*_KEPT[self.channel.type])
+
+    def kept_runs(self) -> list[list[object]]:
+        """The messages of ``kept``, decoded, run by run; those that cannot be are left out."""
+        runs = [[decode(message) for message in run] for run in (self.kept.runs if self.kept else [])]
+        return [[record for record in run if not isinstance(record, Undecodable)] for run in runs]
 
     @property
     def rate(self) -> float | None:
@@ -60,15 +76,20 @@ class TopicSurvey:
 @final
 @dataclass(slots=True)
 class LogSurvey:
-    """What a look through a log found: ``topics`` by name, the tree of ``frames``, ``statics`` by child.
+    """What a look through a log found: ``topics`` by name, and the ``transforms`` by the namespace of their topics.
 
     ``complete`` unless only the beginning of a stream was looked at.
     """
 
     topics: dict[str, TopicSurvey] = field(default_factory=dict)
-    frames: TransformTree = field(default_factory=lambda: TransformTree(keep_history=False))
-    statics: dict[str, Transform] = field(default_factory=dict)
+    transforms: dict[str, TransformSurvey] = field(default_factory=dict)
     complete: bool = True
+
+    @property
+    def frames(self) -> TransformTree:
+        """The tree of all frames, whatever topic they came on; see ``Roles.frames`` for those of one robot."""
+        trees = [self.transforms[name].tree for name in sorted(self.transforms)]
+        return trees[0] if len(trees) == 1 else TransformTree.union(trees)
 
     @property
     def span_ns(self) -> tuple[int, int] | None:
@@ -81,20 +102,33 @@ class LogSurvey:
     @property
     def transform_topics(self) -> tuple[str, ...]:
         """Topics that carry transforms."""
-        return tuple(name for name, topic in self.topics.items() if topic.channel.type in _TRANSFORMS)
+        return tuple(name for name, topic in self.topics.items() if topic.channel.type in transforms.TYPES)
 
     def of_type(self, *types: str) -> list[TopicSurvey]:
         """Topics of these types that have a decodable message, by name."""
         usable = (topic for topic in self.topics.values() if topic.sample is not None and topic.channel.type in types)
         return sorted(usable, key=lambda topic: topic.channel.topic)
 
+    def statics(self, topics: Collection[str]) -> tuple[Transform, ...]:
+        """Fixed transforms, the latest of each child, of the namespaces of some topics of transforms."""
+        spaces = [space for space in self.transforms.values() if not set(space.topics).isdisjoint(topics)]
+        return tuple({child: fixed for space in spaces for child, fixed in space.statics.items()}.values())
+
+    def of_transforms(self, topic: str) -> TransformSurvey:
+        """Where the transforms of a topic belong."""
+        return self.transforms.setdefault(transforms.namespace_of(topic), TransformSurvey())
+
     def add(self, message: RawMessage) -> None:
         """Take one message in; only transforms, and one message of each other topic, are decoded."""
         channel = message.channel
-        topic = self.topics.setdefault(channel.topic, TopicSurvey(channel))
+        topic = self.topics.get(channel.topic)
+        if topic is None:
+            topic = self.topics[channel.topic] = TopicSurvey(channel)
         topic.count_one(message.log_time_ns)
-        if channel.type in _TRANSFORMS or (topic.sample is None and channel.type in DECODABLE):
+        if channel.type in transforms.TYPES or (topic.sample is None and channel.type in DECODABLE):
             self._decode(topic, message)
+        if topic.kept is not None and topic.kept.wants():
+            topic.kept.keep(RawMessage(channel, message.log_time_ns, bytes(message.data), *message[3:]))
 
     def _decode(self, topic: TopicSurvey, message: RawMessage) -> None:
         record = decode(message)
@@ -102,10 +136,8 @@ class LogSurvey:
             topic.problem = topic.problem or record.reason
             return
         topic.sample = topic.sample or record
-        for transform in record if isinstance(record, tuple) else ():
-            self.frames.add(transform)
-            if transform.static:
-                self.statics[transform.child] = transform
+        if isinstance(record, tuple):
+            self.of_transforms(topic.channel.topic).add(topic.channel.topic, record)
 
 
 def survey_log(messages: Iterable[RawMessage]) -> LogSurvey:

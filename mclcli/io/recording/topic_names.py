@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from mclcli.io.recording.roles import MAP, SCAN
+from mclcli.io.recording.kinds import MAP, SCAN
 from mclcli.records import Odometry
 
 if TYPE_CHECKING:
