@@ -6,7 +6,10 @@ A message says what is wrong, where, and what to do, in one line: ``FILE: what, 
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 
 class ExitCode(IntEnum):
@@ -35,6 +38,15 @@ class UsageError(MclError):
     """The command line or a parameter's value is wrong."""
 
     exit_code: ClassVar[ExitCode] = ExitCode.USAGE
+
+
+class AmbiguousRobotError(UsageError):
+    """A log has several robots of these ``names``, and nothing says which one is meant."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        told = ", ".join(names)
+        super().__init__(f"the log has {len(names)} robots, {told}; say which one is meant with --robot NAME")
+        self.names = tuple(names)
 
 
 def nearest_name(name: str, known: list[str]) -> str:

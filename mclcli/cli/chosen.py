@@ -79,6 +79,8 @@ def assigned(survey: LogSurvey, requested: RequestedRoles) -> Roles:
     for role, name in (("scan", " ".join(parts.scan)), ("odometry", parts.odometry), ("map", parts.map)):
         if "not " in (reason := parts.reasons.get(role, "")):
             console.remark(f"{role}: {clean(name)}, {reason}")
+    if "frames" in parts.reasons:
+        console.remark(f"frames: {parts.reasons['frames']}")
     for line in parts.doubts:
         console.warn(f"odometry: {line}")
     return parts

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 import time
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
 from mclcli.cli.options import into
 from mclcli.cli.run.options import RunOptions, run_options
-from mclcli.errors import ExitCode, InputError, UsageError
+from mclcli.errors import AmbiguousRobotError, ExitCode, InputError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -106,7 +107,35 @@ def _assign_roles(options: RunOptions, recording: Recording, chosen: Chosen) -> 
         map_frame=chosen.settings.frames.global_frame_id,
         robot=topics.robot or "",
     )
-    return assigned(recording.survey, requested)
+    try:
+        return assigned(recording.survey, requested)
+    except AmbiguousRobotError as error:
+        return assigned(recording.survey, replace(requested, robot=_robot_at_start(options, recording, error)))
+
+
+def _robot_at_start(options: RunOptions, recording: Recording, error: AmbiguousRobotError) -> str:
+    """Name of the robot whose first scan fits where the run starts.
+
+    Raises
+    ------
+    AmbiguousRobotError
+        If no pose and no map is given, or not one robot alone fits.
+
+    """
+    from mclcli.cli import console
+    from mclcli.cli.run.robot_at_start import robot_at
+    from mclcli.cli.run.start import pose_of
+    from mclcli.io.recording.robots import find_robots
+
+    pose = pose_of(options.init)
+    if options.map_file is None or pose is None:
+        raise error
+    robots = [robot for robot in find_robots(recording.survey) if robot.name in error.names]
+    robot = robot_at(pose, robots, recording.survey, options.map_limits.load(options.map_file))
+    if robot is None:
+        raise error
+    console.remark(f"robot: {robot.name}, the only one whose first scan fits at --init (--robot names one)")
+    return robot.name
 
 
 def _set_up(

@@ -17,6 +17,7 @@ from mclcli.quantity import parse_list
 from mclcli.records import Odometry, StampedPose
 
 if TYPE_CHECKING:
+    from mclcli.arrays import FloatArray
     from mclcli.cli.chosen import Chosen
     from mclcli.cli.clock import LogTime
     from mclcli.io.recording.recording import Recording
@@ -122,6 +123,13 @@ def window_ns(start: LogTime | None, duration_ns: int | None, first_ns: int) -> 
     if duration_ns is None:
         return begin, _ALWAYS[1]
     return begin, (first_ns if start is None else begin) + duration_ns
+
+
+def pose_of(text: str | None) -> FloatArray | None:
+    """The pose (3,) that --init states in figures, None where it names something else."""
+    if text is None or not _NUMBERS.fullmatch(text) or Path(text).exists():
+        return None
+    return _around(text).pose
 
 
 def _around(text: str) -> AroundPose:

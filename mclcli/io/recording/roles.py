@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, final
 
-from mclcli.errors import InputError, UsageError, nearest_name
+from mclcli.errors import AmbiguousRobotError, InputError, UsageError, nearest_name
 from mclcli.geometry.frames import TransformTree
 from mclcli.io.recording import cameras, lidars, map_topics, odometry_sources
 from mclcli.io.recording.kinds import MAP, ODOMETRY, POSES, SCAN, SIGHTINGS, TF, is_truth
@@ -93,6 +93,8 @@ def assign(survey: LogSurvey, requested: RequestedRoles = RequestedRoles()) -> R
     chosen_map, why = map_topics.choose(survey, robot, {"map", requested.map_frame}, robots)
     if why and not requested.map:
         reasons["map"] = why
+    if robot.joined:
+        reasons["frames"] = f"transforms of {' and '.join(map(clean, robot.joined))} joined: one way needs both"
     source, doubts = _odometry(survey, robot, requested, requested.map or chosen_map, reasons)
     vision = requested.vision or _by_calibration(survey, robot)
     cameras.explain(survey, vision, reasons)
@@ -154,13 +156,7 @@ def _choose(robots: Sequence[Robot], requested: RequestedRoles) -> tuple[Robot, 
         return robot, {"robot": f"{how}; not {others}"} if others else {}
     if not complete:
         return implied[0], {}
-    names = " and ".join(robot.name for robot in complete)
-    raise AmbiguousRobotError(f"the log has {len(complete)} robots, {names}; say which one is meant with --robot")
-
-
-@final
-class AmbiguousRobotError(UsageError):
-    """A log has several robots, and nothing says which one is meant."""
+    raise AmbiguousRobotError([clean(robot.name) for robot in complete])
 
 
 def _is_implied(robot: Robot, requested: RequestedRoles) -> bool:
