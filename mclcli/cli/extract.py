@@ -67,7 +67,7 @@ def command(extract: ExtractOptions) -> None:
     from mclcli.io.tables.scan_file import format_scan
 
     recording, parts = one_scan.open_for_scan(Path(extract.log), None)
-    topic = extract.topic
+    topic = None if extract.topic is None else recording.survey.topic_named(extract.topic)
     channel = recording.survey.topics.get(topic or "")
     if topic is not None and (channel is None or channel.channel.type not in SCAN):
         click.echo(_other(recording, topic, extract), nl=False)

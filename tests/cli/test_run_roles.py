@@ -86,7 +86,7 @@ def test_a_log_without_messages(run_short: Runner, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("option", "topic"), [("--scan", "/nowhere"), ("--odom", "/elsewhere"), ("--scan", "/scam"), ("--odom", "odom")]
+    ("option", "topic"), [("--scan", "/nowhere"), ("--odom", "/elsewhere"), ("--scan", "/scam"), ("--odom", "odm")]
 )
 def test_a_topic_that_the_log_does_not_have(run_short: Runner, option: str, topic: str) -> None:
     message = single_error(run_short(option, topic), 2)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError, UsageError, nearest_name
@@ -66,6 +66,7 @@ def assign(survey: LogSurvey, requested: RequestedRoles = RequestedRoles()) -> R
         If a topic the user named is not in the log, or not of a type that fits.
 
     """
+    requested = _as_recorded(survey, requested)
     reasons: dict[str, str] = {}
     scan = requested.scan or _nearest_to("scan", survey.of_type(*SCAN), "laser scan", reasons, "scan")
     odometry = requested.odometry or _find_odometry(survey, requested, reasons)
@@ -86,6 +87,18 @@ def assign(survey: LogSurvey, requested: RequestedRoles = RequestedRoles()) -> R
         odom_frame=odom,
         base_frame=base,
         reasons=reasons,
+    )
+
+
+def _as_recorded(survey: LogSurvey, requested: RequestedRoles) -> RequestedRoles:
+    """The request with its topics named as the log names them."""
+    named = survey.topic_named
+    return replace(
+        requested,
+        scan=tuple(map(named, requested.scan)),
+        odometry=TF if requested.odometry == TF else named(requested.odometry),
+        vision=tuple(map(named, requested.vision)),
+        map=named(requested.map),
     )
 
 

@@ -83,6 +83,12 @@ class LogSurvey:
         """Topics that carry transforms."""
         return tuple(name for name, topic in self.topics.items() if topic.channel.type in _TRANSFORMS)
 
+    def topic_named(self, name: str) -> str:
+        """The topic that a name means, written with or without a leading slash; the name itself if there is none."""
+        if name in self.topics:
+            return name
+        return next((topic for topic in self.topics if topic.lstrip("/") == name.lstrip("/")), name)
+
     def of_type(self, *types: str) -> list[TopicSurvey]:
         """Topics of these types that have a decodable message, by name."""
         usable = (topic for topic in self.topics.values() if topic.sample is not None and topic.channel.type in types)
