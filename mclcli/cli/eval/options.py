@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final, get_args
 import click
 
 from mclcli.cli import options
+from mclcli.cli.parse import parse_picture
 from mclcli.errors import UsageError
 from mclcli.evaluate import Method
 from mclcli.evaluate.limits import Limits
@@ -189,7 +190,12 @@ eval_options = options.all_of(
         help="FILE.tum, a CSV with stamp, x, y, yaw, LOG:TOPIC or LOG:tf:FRAME.",
     ),
     click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: metres, radians, seconds."),
-    click.option("--picture", metavar="F.png", help="Draw the tracks over the reference, and errors over time."),
+    click.option(
+        "--picture",
+        metavar="F.png",
+        callback=parse_picture,
+        help="Draw the tracks over the reference, and errors over time.",
+    ),
     click.option("--map", "map_file", type=click.Path(path_type=Path), help="Map to draw beneath, a map_server YAML."),
     click.option("--align", is_flag=True, help="Move each track rigidly in the plane to where it fits best."),
     click.option(

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, final, get_args
 import click
 
 from mclcli.cli import options
-from mclcli.cli.parse import parse_at
+from mclcli.cli.parse import parse_at, parse_picture
 from mclcli.errors import UsageError
 from mclcli.filter import Recovery
 from mclcli.io.traces.formats import endings
@@ -122,7 +122,9 @@ run_options = options.all_of(
         help=f"A pose per scan: {endings('track')}, or - for CSV on stdout; repeatable.",
     ),
     click.option("--steps", metavar="FILE", help="A row per update, CSV; - is stdout."),
-    click.option("--picture", metavar="F.png", help="Draw map, track, reference and final particles."),
+    click.option(
+        "--picture", metavar="F.png", callback=parse_picture, help="Draw map, track, reference and final particles."
+    ),
     click.option(
         "--init",
         metavar="WHERE",
