@@ -35,6 +35,7 @@ class EvalOptions:
     as_json: bool
     picture: str | None
     map_file: Path | None
+    map_frame: str
     align: bool
     strict: bool
     associate: Method
@@ -187,7 +188,7 @@ eval_options = options.all_of(
         "--truth",
         required=True,
         metavar="REFERENCE",
-        help="FILE.tum, a CSV with stamp, x, y, yaw, LOG:TOPIC or LOG:tf:FRAME.",
+        help="FILE.tum, a CSV with stamp, x, y, yaw, LOG:TOPIC or LOG:tf:FRAME[:CHILD].",
     ),
     click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: metres, radians, seconds."),
     click.option(
@@ -197,6 +198,12 @@ eval_options = options.all_of(
         help="Draw the tracks over the reference, and errors over time.",
     ),
     click.option("--map", "map_file", type=click.Path(path_type=Path), help="Map to draw beneath, a map_server YAML."),
+    click.option(
+        "--map-frame",
+        metavar="FRAME",
+        default="",
+        help="Frame to which poses of a log are brought by its transforms.  [default: that of the log's map, or map]",
+    ),
     click.option("--align", is_flag=True, help="Move each track rigidly in the plane to where it fits best."),
     click.option(
         "--strict",

@@ -129,7 +129,7 @@ run_options = options.all_of(
         "--init",
         metavar="WHERE",
         help="X,Y,YAW[,SXY,SYAW], uniform over the free cells, global (where a search finds the scans), a TOPIC of the "
-        "log or FILE.tum.  [default: global]",
+        "log, tf:FRAME[:CHILD] or FILE.tum.  [default: global]",
     ),
     click.option(
         "--seed",
@@ -175,11 +175,13 @@ run_options = options.all_of(
     ),
     click.option("--strict", is_flag=True, help="Stop at the first damage in the log."),
     click.option(
-        "--truth", metavar="FILE.tum|TOPIC", help="Reference for picture and report, as for mcl eval; never an input."
+        "--truth",
+        metavar="FILE.tum|TOPIC|tf:…",
+        help="Reference for picture and report, as for mcl eval; tf:FRAME[:CHILD] are transforms. Never an input.",
     ),
     click.option(
         "--versus",
-        metavar="TOPIC|tf:FRAME",
+        metavar="TOPIC|tf:…",
         help="What the robot itself believed, /amcl_pose or tf:map; says since when the two were apart.",
     ),
     options.parameters,
