@@ -193,6 +193,13 @@ def test_poses_in_the_maps_frame_are_not_worth_a_word(caplog: pytest.LogCaptureF
     assert way.topics_for(["odom"]) == {"/tf"}
 
 
+def test_of_a_stream_nobody_knows_yet_what_will_move() -> None:
+    survey = survey_of(FIXED, *MOVING[:1])
+    assert ToMap(survey, target_of(survey), "/gt").topics_for(["odom", "world"]) == frozenset()
+    survey.complete = False
+    assert ToMap(survey, target_of(survey), "/gt").topics_for(["odom"]) == {"/tf"}
+
+
 def test_a_frame_that_nothing_joins_is_refused_by_name() -> None:
     survey = survey_of(*MOVING)
     way = ToMap(survey, map_frame(survey, ROLES, cure="say --so {frame}"), "/gt")

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mclcli.io.recording.to_map import MapFrame
 
 _TF = "tf:"
+_POSES = (Odometry, StampedPose, Transform)
 _TOLD = 5  # bodies of a topic that are told by name
 _UNKNOWN = np.full(9, np.nan).tolist()  # a covariance that is not told
 
@@ -251,7 +252,11 @@ def _frames_told(survey: LogSurvey, name: str, child: str) -> _Stated:
         if isinstance(t, Transform)
     ]
     if not bodies:
-        raise UsageError(f"topic '{name}' of type {topic.channel.type} states no poses; name one that does")
+        poses = [other for other, found in sorted(survey.topics.items()) if isinstance(found.sample, _POSES)]
+        raise UsageError(
+            f"topic '{name}' of type {topic.channel.type} states no poses that can be used; name one that does: "
+            f"{', '.join(poses) or 'the log has none'}"
+        )
     chosen = [told for told in bodies if told.body == child] or bodies
     if len(chosen) > 1:
         names = ", ".join(f"tf:{frame}:{body}" for frame, body in chosen[:_TOLD])

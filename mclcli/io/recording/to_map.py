@@ -99,10 +99,11 @@ class ToMap:
         self._fates: Counter[tuple[Fate, str]] = Counter()
 
     def topics_for(self, frames: Iterable[str]) -> frozenset[str]:
-        """Topics that have to be read for poses of these frames: those of transforms if one on the way moves."""
-        tree, target = self._survey.frames, self._map.target
-        moving = any(self._relation(frame) == "joined" and tree.moves_between(target, frame) for frame in frames)
-        return frozenset(self._survey.transform_topics if moving else ())
+        """Topics that have to be read for poses of these frames: those of transforms if one on the way may move."""
+        survey, target = self._survey, self._map.target
+        joined = [frame for frame in frames if self._relation(frame) == "joined"]
+        moving = any(survey.frames.moves_between(target, frame) or not survey.complete for frame in joined)
+        return frozenset(survey.transform_topics if moving else ())
 
     def require(self, frame: str) -> None:
         """Refuse a frame that cannot be brought to the map.
