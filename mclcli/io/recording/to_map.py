@@ -68,14 +68,19 @@ def map_frame(survey: LogSurvey, roles: Roles, given: str = "", cure: str = "") 
     """The map's frame: the one ``given``, else that of the map's topic, else ``map``; without all of them the root.
 
     The root of the transforms above odometry counts where none of the names is among the log's frames: ``world``, say.
+    A grid in a frame of the robot's own, or one that moves in ``map``, is no map of the building: a local costmap.
     """
-    known = set(survey.frames.frames)
+    tree, known = survey.frames, set(survey.frames.frames)
     grid = survey.topics[roles.map].sample if roles.map in survey.topics else None
-    stated = (given.lstrip("/"), getattr(grid, "frame_id", ""))
+    drawn: str = getattr(grid, "frame_id", "")
+    moves = tree.connected(_USUAL, drawn) and tree.moves_between(_USUAL, drawn)
+    if moves or drawn in {roles.odom_frame, roles.base_frame}:
+        drawn = ""
+    stated = (given.lstrip("/"), drawn)
     names = tuple(dict.fromkeys(name for name in stated if name and name != _USUAL))
     target = next((name for name in (*names, _USUAL) if name in known), "")
     if not target and roles.base_frame in known:
-        root = survey.frames.ancestors(roles.base_frame)[-1]
+        root = tree.ancestors(roles.base_frame)[-1]
         target = "" if root in {roles.base_frame, roles.odom_frame} or "odom" in root.lower() else root
     return MapFrame(names, target, roles.odom_frame, roles.base_frame, cure)
 
