@@ -68,12 +68,14 @@ class StampedPose:
     """A pose from outside: ground truth, an initial pose, another localizer's answer.
 
     ``pose`` (3,) x, y [m], yaw [rad] in ``frame_id``; ``covariance`` (3, 3) of (x, y, yaw), or None if unusable.
+    ``matrix`` (4, 4) is the pose in space where that is known: a frame may have another axis up.
     """
 
     stamp_ns: int
     frame_id: str
     pose: FloatArray
     covariance: FloatArray | None = None
+    matrix: FloatArray | None = None
 
 
 @final

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, final, get_args
 import click
 
 from mclcli.cli import options
+from mclcli.cli.parse import named, parse_picture
 from mclcli.world import FieldMethod
 
 if TYPE_CHECKING:
@@ -47,9 +48,13 @@ class FieldOptions:
     "--max-dist", type=float, default=2.0, show_default=True, metavar="M", help="Distances are clamped here [m]."
 )
 @click.option(
-    "-o", "--output", metavar="F.npy", help="Write the field: float64 metres, row 0 at the bottom; - is stdout."
+    "-o",
+    "--output",
+    metavar="F.npy",
+    callback=named(".npy"),
+    help="Write the field: float64 metres, row 0 at the bottom; - is stdout.",
 )
-@click.option("--png", metavar="F.png", help="Draw the field.")
+@click.option("--png", metavar="F.png", callback=parse_picture, help="Draw the field.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 @click.option("--no-cache", is_flag=True, help="Neither read nor write the cache.")
 @options.map_limits

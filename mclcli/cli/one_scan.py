@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 Message = TypeVar("Message")
 
+_CAMERA = "camera"  # the frame of --bearings
 _NEAR_NS = 1_000_000_000
 
 
@@ -155,8 +156,11 @@ def _scan_of_text(source: str, mounts: Mapping[str, FloatArray]) -> MountedScan:
     else:
         scan, mount, base_frame = read_scan(Path(source))
     given = mounts.get(scan.frame_id, mounts.get(""))
+    others = sorted(set(mounts) - {_CAMERA})
     if given is not None:
         mount = given
+    elif others:
+        raise UsageError(f"--mount {others[0]}: the scan is in frame '{scan.frame_id}'; name that one, or none")
     elif mount is None:
         console.remark(
             f"{source}: nothing says where the lidar sits; taken at the base (--mount X,Y,YAW says otherwise)"
@@ -170,10 +174,15 @@ def mount_in_log(recording: Recording, parts: Roles, scan: LaserScan, mounts: Ma
 
     Raises
     ------
+    UsageError
+        If the log knows nothing of a frame that a mount is given for.
     InputError
         If neither says where the lidar sits.
 
     """
+    from mclcli.replay.setup import check_mounts
+
+    check_mounts(recording.survey, mounts)
     given = mounts.get(scan.frame_id, mounts.get(""))
     if given is not None:
         return given

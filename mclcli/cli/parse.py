@@ -10,6 +10,8 @@ from mclcli.errors import UsageError
 from mclcli.quantity import parse_list, parse_quantity
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from mclcli.arrays import FloatArray
     from mclcli.cli.clock import LogTime
     from mclcli.sensors import Temperature
@@ -54,6 +56,23 @@ def parse_mounts(ctx: click.Context, param: click.Parameter, values: tuple[str, 
         else:
             raise click.BadParameter(f"'{value}' is neither X,Y,YAW nor X,Y,Z,ROLL,PITCH,YAW", param=param)
     return mounts
+
+
+def named(*endings: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
+    """Callback for an output that is written in one form whatever its name: another ending is a slip."""
+
+    def parse(ctx: click.Context, param: click.Parameter, value: str | None) -> str | None:
+        del ctx
+        special = value is None or value == "-" or value.startswith(("/dev/", "/proc/"))
+        if not special and not str(value).lower().endswith(endings):
+            raise UsageError(f"{param.opts[0]} {value}: the name must end in {' or '.join(endings)}, or be -")
+        return value
+
+    return parse
+
+
+parse_picture = named(".png")
+"""Callback for a picture, which is written as PNG."""
 
 
 def parse_settings(ctx: click.Context, param: click.Parameter, values: tuple[str, ...]) -> dict[str, str]:

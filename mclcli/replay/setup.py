@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Final
 
 from mclcli import motion
-from mclcli.errors import InputError, UsageError
+from mclcli.errors import InputError, UsageError, nearest_name
 from mclcli.filter.localizer import Localizer
 from mclcli.filter.recovery import FromAnywhere, Proposal
 from mclcli.filter.start import Anywhere, AroundPose, Start, WhenTold
@@ -120,6 +120,7 @@ def prepare(
         raise InputError("the log has no odometry: no nav_msgs/Odometry topic, and no moving transform above the base")
     if not instruments:
         raise InputError(_nothing_to_score(survey, roles, grid, landmarks))
+    check_mounts(survey, mounts or {})
     for topic in instruments:
         _check_mount(survey, roles, topic, mounts or {})
     return Setup(
@@ -269,6 +270,25 @@ def _check_mount(survey: LogSurvey, roles: Roles, topic: str, mounts: Mounts) ->
         f"{topic}: no transform from '{roles.base_frame}' to '{frame}'; frames in the log: "
         f"{', '.join(frames) or 'none'}; give --mount {frame}=X,Y,YAW, or --set base_frame_id=FRAME"
     )
+
+
+def check_mounts(survey: LogSurvey, mounts: Mounts) -> None:
+    """Refuse mounts of frames that a log knows nothing of.
+
+    Raises
+    ------
+    UsageError
+        If neither a transform nor a message names the frame.
+
+    """
+    told = (
+        getattr(topic.sample, name, "") for topic in survey.topics.values() for name in ("frame_id", "child_frame_id")
+    )
+    known = sorted({*survey.frames.frames, *told} - {""})
+    for frame in mounts:
+        if frame and frame not in known and survey.complete:
+            hint = nearest_name(frame, known)
+            raise UsageError(f"--mount {frame}: the log has no such frame{hint}; it has {', '.join(known) or 'none'}")
 
 
 def _checked_start(start: Start | None, grid: OccupancyGrid | None) -> Start:

@@ -37,7 +37,7 @@ class FrameParameters:
         "", "frame of the robot's base; empty: the odometry's child, base_link, base_footprint", in_nav2=True
     )
     odom_frame_id: str = parameter("", "frame of the odometry; empty: as recorded", in_nav2=True)
-    global_frame_id: str = parameter("map", "frame of the map, in MCAP traces", in_nav2=True)
+    global_frame_id: str = parameter("map", "frame of the map, in MCAP traces and for poses of the log", in_nav2=True)
     scan_topic: str = parameter("", "topic of the laser scans; empty: found; `--scan` overrides it", in_nav2=True)
     map_topic: str = parameter("", "topic of the map where `--map` names none; empty: found", in_nav2=True)
     map_update: MapUpdate = parameter(

@@ -31,8 +31,8 @@ class OccupancyGrid:
 
     ``cells``: (H, W) int8, row 0 at the bottom (lowest y): 0 free, 100 occupied, −1 unknown, 1 to 99 in between.
     ``resolution``: side of a cell [m]. ``origin``: (3,) float64, pose (x [m], y [m], yaw [rad]) in map of the outer
-    corner of cell (0, 0). ``frame_id``: its frame as a log states it, empty for a file's.
-    Stored arrays are read-only and in C order; a writable ``cells`` is copied.
+    corner of cell (0, 0). ``frame_id``: what a log calls the map's frame, '' where nothing says so. Stored arrays are
+    read-only and in C order; a writable ``cells`` is copied.
 
     Raises
     ------

@@ -201,6 +201,8 @@ def test_strict_refuses_what_is_set_right_without(files: tuple[Path, Path]) -> N
 
 def test_command_lines_that_make_no_sense(tmp_path: Path, files: tuple[Path, Path]) -> None:
     track, truth = files
+    drawn = track.rename(tmp_path / "track.png")
+    track.write_bytes(drawn.read_bytes())
     for words, complaint in (
         (("no*.tum", "--truth", truth), "no*.tum: no file matches"),
         ((track,), "Missing option '--truth'"),
@@ -211,7 +213,8 @@ def test_command_lines_that_make_no_sense(tmp_path: Path, files: tuple[Path, Pat
         ((track, "--truth", truth, "--min-coverage", "110%"), "--min-coverage: 110% is not a share"),
         ((track, "--truth", truth, "--min-within", "90%"), "needs a share and a distance"),
         ((track, "--truth", truth, "--lost", "1,-3deg"), "has a negative value"),
-        ((track, "--truth", truth, "--picture", track), "the output is one of the inputs"),
+        ((track, "--truth", truth, "--picture", track), "the name must end in .png, or be -"),
+        ((drawn, "--truth", truth, "--picture", drawn), "the output is one of the inputs"),
         ((track, "--truth", truth, "--picture", tmp_path / "no" / "p.png"), "does not exist"),
         ((track, "--truth", f"{OFFICE}:/odm"), "did you mean '/odom'?"),
     ):

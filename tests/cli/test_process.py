@@ -132,6 +132,7 @@ def test_a_folder_that_nobody_may_write_to(run_short: Runner) -> None:
         (("--track", "a.txt"), "must end in .csv or .tum"),
         (("-o", "a.tum"), "must end in .csv or .csv.gz or .mcap"),
         (("--steps", "a.json"), "must end in .csv"),
+        (("--picture", "a.csv"), "--picture a.csv: the name must end in .png, or be -"),
         (("--track", "none/a.csv"), "does not exist"),
         (("--track", ""), "--track"),
     ],
@@ -159,7 +160,8 @@ def test_an_output_that_is_an_input(short: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize("option", ["--picture", "--truth", "--init"])
 def test_a_reference_or_start_is_an_input_too(short: Path, tmp_path: Path, option: str) -> None:
     """What --truth and --init name is read, so it is not to be written over; a picture is no input."""
-    truth = Path(shutil.copy(SAMPLES / "office.truth.tum", tmp_path / "truth.tum"))
+    name = "truth.png" if option == "--picture" else "truth.tum"
+    truth = Path(shutil.copy(SAMPLES / "office.truth.tum", tmp_path / name))
     before = truth.read_bytes()
     if option == "--picture":
         result = mcl("run", short, *WORDS, "--picture", truth, "--track", tmp_path / "t.csv", "--truth", truth)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tests.cli.support import (
+    OFFICE,
     OFFICE_MAP,
     REFERENCE_MAP,
     ROOT,
@@ -86,7 +87,7 @@ def test_a_log_without_messages(run_short: Runner, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("option", "topic"), [("--scan", "/nowhere"), ("--odom", "/elsewhere"), ("--scan", "/scam"), ("--odom", "odom")]
+    ("option", "topic"), [("--scan", "/nowhere"), ("--odom", "/elsewhere"), ("--scan", "/scam"), ("--odom", "odm")]
 )
 def test_a_topic_that_the_log_does_not_have(run_short: Runner, option: str, topic: str) -> None:
     message = single_error(run_short(option, topic), 2)
@@ -98,6 +99,43 @@ def test_a_topic_that_the_log_does_not_have(run_short: Runner, option: str, topi
 @pytest.mark.parametrize(("option", "topic"), [("--scan", "/odom"), ("--odom", "/scan"), ("--odom", "/tf")])
 def test_a_topic_of_another_type(run_short: Runner, option: str, topic: str) -> None:
     assert f"topic '{topic}'" in single_error(run_short(option, topic), 2)
+
+
+@pytest.mark.parametrize(
+    ("words", "option", "endings"),
+    [
+        (("dt", OFFICE_MAP), "--png", ".png"),
+        (("dt", OFFICE_MAP), "-o", ".npy"),
+        (("score", OFFICE, "--map", OFFICE_MAP, "--pose", "0,0,0"), "--heatmap", ".png"),
+        (("score", OFFICE, "--map", OFFICE_MAP, "--pose", "0,0,0", "--explain"), "--picture", ".png"),
+        (("score", OFFICE, "--map", OFFICE_MAP, "--pose", "0,0,0"), "-o", ".csv or .mcap"),
+        (("locate", OFFICE, "--map", OFFICE_MAP), "--picture", ".png"),
+    ],
+)
+def test_outputs_named_as_something_else_are_refused(
+    tmp_path: Path, words: tuple[object, ...], option: str, endings: str
+) -> None:
+    kept = tmp_path / "notes.txt"
+    kept.write_text("mine")
+    assert f"{option} {kept}: the name must end in {endings}, or be -" in single_error(mcl(*words, option, kept), 2)
+    assert kept.read_text() == "mine"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("run", "{log}", "--map", OFFICE_MAP, "--init", "/initialpose"),
+        ("locate", "{log}", "--map", OFFICE_MAP),
+        ("score", "{log}", "--map", OFFICE_MAP, "--pose", "0,0,0"),
+        ("extract", "{log}"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_mount_of_a_frame_that_the_log_does_not_have(short: Path, words: tuple[object, ...]) -> None:
+    command = [short if word == "{log}" else word for word in words]
+    error = single_error(mcl(*command, "--mount", "lasser=0,0,0"), 2)
+    assert error.startswith("--mount lasser: the log has no such frame; did you mean 'laser'?; it has base_footprint")
+    assert mcl(*command, "--mount", "/laser=0,0,0").code in {0, 5}
 
 
 def test_vision_needs_landmarks(run_short: Runner, short: Path) -> None:

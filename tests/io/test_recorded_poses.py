@@ -100,8 +100,8 @@ def test_the_samples_truth_is_the_same_from_log_and_file() -> None:
     there, covered = from_file.at(from_topic.stamps_ns, 10**9)
     assert covered.sum() > 400
     np.testing.assert_allclose(from_topic.poses[covered], there[covered], atol=1e-3)
-    from_tf = read_trajectory(f"{OFFICE}:tf:odom")
-    odometry = read_trajectory(f"{OFFICE}:/odom")
+    from_tf = read_trajectory(f"{OFFICE}:tf:odom", as_stated=True)
+    odometry = read_trajectory(f"{OFFICE}:/odom", as_stated=True)
     there, covered = odometry.at(from_tf.stamps_ns, 10**9)
     assert covered.sum() > 400
     np.testing.assert_allclose(from_tf.poses[covered], there[covered], atol=1e-6)

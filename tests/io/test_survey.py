@@ -6,6 +6,7 @@ import pytest
 
 from mclcli.io.logs.base import Channel, RawMessage
 from mclcli.io.recording.survey import LogSurvey, TopicSurvey, survey_log
+from tests.io.surveys import LASER, ODOM, log_of
 from tests.support import SECOND
 
 IMAGE = Channel("/image", "sensor_msgs/msg/Image", "cdr")
@@ -53,3 +54,12 @@ def test_a_message_that_cannot_be_decoded_says_why_and_the_next_one_serves() -> 
 
 def test_an_empty_log_has_no_span() -> None:
     assert LogSurvey().span_ns is None
+
+
+@pytest.mark.parametrize(
+    ("written", "meant"),
+    [("scan", "/scan"), ("/scan", "/scan"), ("/odom", "odom"), ("odom", "odom"), ("map", "map"), ("/map", "/map")],
+)
+def test_a_topic_is_known_with_and_without_its_slash(written: str, meant: str) -> None:
+    assert log_of(("/scan", LASER), ("odom", ODOM), ("/map", LASER), ("map", LASER)).topic_named(written) == meant
+    assert log_of(("/scans", LASER)).topic_named(written) == written

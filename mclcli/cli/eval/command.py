@@ -33,7 +33,6 @@ def command(options: EvalOptions) -> ExitCode:
     """
     from mclcli.cli import console
     from mclcli.evaluate.limits import missed
-    from mclcli.io.recording.recorded_poses import read_checked
     from mclcli.io.traces.output import open_output
 
     names = expand(options.tracks)
@@ -42,10 +41,10 @@ def command(options: EvalOptions) -> ExitCode:
     protocol, inputs = options.protocol, options.input_files(names)
     if options.picture:
         open_output(options.picture, binary=True, inputs=inputs)  # refuses now, not at the end
-    truth, damaged = read_checked(options.truth, strict=options.strict)
+    truth, damaged = _read(options.truth, options)
     evaluations = []
     for name in names:
-        track, lossy = read_checked(name, strict=options.strict)
+        track, lossy = _read(name, options)
         damaged = damaged or lossy
         evaluations.append(_evaluate(track, truth, protocol, name))
     complaints = [(e.name, sentence) for e in evaluations for sentence in missed(e, options.limits)]
@@ -60,6 +59,16 @@ def command(options: EvalOptions) -> ExitCode:
     if complaints:
         return ExitCode.MISSED
     return ExitCode.DAMAGED if damaged else ExitCode.COMPLETE
+
+
+def _read(source: str, options: EvalOptions) -> tuple[Trajectory, bool]:
+    """A track or reference in the map's frame; what --align moves anyway stays as it is stated."""
+    from mclcli.io.recording.recorded_poses import read_checked
+
+    cure = "--map-frame {frame} says that it is the map's, --align fits poses in a frame of their own"
+    return read_checked(
+        source, strict=options.strict, map_frame_id=options.map_frame, as_stated=options.align, cure=cure
+    )
 
 
 def _evaluate(track: Trajectory, truth: Trajectory, protocol: Protocol, name: str) -> Evaluation:

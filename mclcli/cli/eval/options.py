@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final, get_args
 import click
 
 from mclcli.cli import options
+from mclcli.cli.parse import parse_picture
 from mclcli.errors import UsageError
 from mclcli.evaluate import Method
 from mclcli.evaluate.limits import Limits
@@ -34,6 +35,7 @@ class EvalOptions:
     as_json: bool
     picture: str | None
     map_file: Path | None
+    map_frame: str
     align: bool
     strict: bool
     associate: Method
@@ -186,11 +188,22 @@ eval_options = options.all_of(
         "--truth",
         required=True,
         metavar="REFERENCE",
-        help="FILE.tum, a CSV with stamp, x, y, yaw, LOG:TOPIC or LOG:tf:FRAME.",
+        help="FILE.tum, a CSV with stamp, x, y, yaw, LOG:TOPIC or LOG:tf:FRAME[:CHILD].",
     ),
     click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: metres, radians, seconds."),
-    click.option("--picture", metavar="F.png", help="Draw the tracks over the reference, and errors over time."),
+    click.option(
+        "--picture",
+        metavar="F.png",
+        callback=parse_picture,
+        help="Draw the tracks over the reference, and errors over time.",
+    ),
     click.option("--map", "map_file", type=click.Path(path_type=Path), help="Map to draw beneath, a map_server YAML."),
+    click.option(
+        "--map-frame",
+        metavar="FRAME",
+        default="",
+        help="Frame to which poses of a log are brought by its transforms.  [default: that of the log's map, or map]",
+    ),
     click.option("--align", is_flag=True, help="Move each track rigidly in the plane to where it fits best."),
     click.option(
         "--strict",

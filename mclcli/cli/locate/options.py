@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, final
 import click
 
 from mclcli.cli import options
-from mclcli.cli.parse import parse_length
+from mclcli.cli.parse import parse_length, parse_picture
 from mclcli.quantity import parse_list
 
 if TYPE_CHECKING:
@@ -134,7 +134,12 @@ locate_options = options.all_of(
         "-o", "--output", metavar="FILE", default="-", help="Where the result goes; - is stdout.  [default: -]"
     ),
     click.option("--json", "as_json", is_flag=True, help="JSON instead of CSV: a line per scan, with all figures."),
-    click.option("--picture", metavar="F.png", help="Draw the places on the map, and the (last) scan from the best."),
+    click.option(
+        "--picture",
+        metavar="F.png",
+        callback=parse_picture,
+        help="Draw the places on the map, and the (last) scan from the best.",
+    ),
     options.parameters,
     options.sensors,
     options.map_limits,

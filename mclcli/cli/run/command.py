@@ -20,8 +20,10 @@ if TYPE_CHECKING:
     from mclcli.cli.chosen import Chosen
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import References
+    from mclcli.cli.run.start import OperatorPoses
     from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import Roles
+    from mclcli.io.recording.to_map import MapFrame
     from mclcli.replay.loop import ReplayTally, Setup
     from mclcli.settings.profiles import Settings
     from mclcli.world.landmarks import Landmarks
@@ -40,6 +42,7 @@ def command(options: RunOptions) -> ExitCode:
     from mclcli.cli.run import report
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import References, lines_of, report_of
+    from mclcli.cli.run.start import operator_poses
     from mclcli.io.traces.output import open_output
     from mclcli.replay.loop import ReplayTally, replay
 
@@ -47,14 +50,16 @@ def command(options: RunOptions) -> ExitCode:
     chosen = choose_settings(options.parameters, {}, _from_flags(options))
     settings, recording = chosen.settings, _open(options)
     parts = _assign_roles(options, recording, chosen)
-    grid, setup, landmarks = _set_up(options, recording, parts, chosen)
-    references = References(options.truth, options.versus, recording, setup)
+    frame = _frame_of_map(recording, parts, chosen)
+    told = operator_poses(recording, frame) if options.follow_initialpose else None
+    grid, setup, landmarks = _set_up(options, recording, parts, chosen, frame, told)
+    references = References(options.truth, options.versus, recording, setup, frame)
     inputs = options.input_files
     if options.picture:
         open_output(options.picture, binary=True, inputs=inputs)  # refuses now what it would refuse at the end
     tally = ReplayTally()
     with Outputs(options, recording, parts, setup, settings, grid, landmarks, inputs) as outputs:
-        events = _events(recording, parts, setup, outputs, references)
+        events = _events(recording, parts, setup, outputs, references, told)
         with report.progress(recording) as show:
             for point in replay(events, setup, tally):
                 outputs.write(point)
@@ -62,6 +67,8 @@ def command(options: RunOptions) -> ExitCode:
         _require_updates(tally, setup)
     summary = report.summarise(recording, setup, tally, outputs.track, time.perf_counter() - began)
     report.show(summary)
+    if told is not None:
+        told.tell()
     findings = references.findings(outputs.track)
     compared = lines_of(findings)
     report.show(compared, report_of(findings))
@@ -108,9 +115,11 @@ def _assign_roles(options: RunOptions, recording: Recording, chosen: Chosen) -> 
         robot=topics.robot or "",
     )
     try:
-        return assigned(recording.survey, requested)
+        parts = assigned(recording.survey, requested)
     except AmbiguousRobotError as error:
-        return assigned(recording.survey, replace(requested, robot=_robot_at_start(options, recording, error)))
+        parts = assigned(recording.survey, replace(requested, robot=_robot_at_start(options, recording, error)))
+    recording.keep_to(parts)
+    return parts
 
 
 def _robot_at_start(options: RunOptions, recording: Recording, error: AmbiguousRobotError) -> str:
@@ -138,11 +147,24 @@ def _robot_at_start(options: RunOptions, recording: Recording, error: AmbiguousR
     return robot.name
 
 
+def _frame_of_map(recording: Recording, parts: Roles, chosen: Chosen) -> MapFrame:
+    """What the map's frame is called, by the settings and the log."""
+    from mclcli.io.recording.to_map import map_frame
+
+    cure = "--set global_frame_id={frame} says that it is the map's"
+    return map_frame(recording.survey, parts, chosen.settings.frames.global_frame_id, cure)
+
+
 def _set_up(
-    options: RunOptions, recording: Recording, parts: Roles, chosen: Chosen
+    options: RunOptions,
+    recording: Recording,
+    parts: Roles,
+    chosen: Chosen,
+    frame: MapFrame,
+    told: OperatorPoses | None,
 ) -> tuple[OccupancyGrid | None, Setup, Landmarks | None]:
     from mclcli.cli.chosen import warn_of_turned_map
-    from mclcli.cli.run.start import find_initialpose, read_start, start_of_file, window_ns
+    from mclcli.cli.run.start import read_start, start_of_file, window_ns
     from mclcli.cli.searching import search_for
     from mclcli.io.maps.field_cache import cached_field
     from mclcli.replay import setup as assemble
@@ -150,7 +172,10 @@ def _set_up(
     grid = _find_map(options, recording, parts, chosen.settings)
     warn_of_turned_map(grid, chosen.settings)
     landmarks = _read_landmarks(options.topics.landmarks)
-    start = start_of_file(chosen, grid) if options.init is None else read_start(options.init, recording)
+    if options.init is None:
+        start = start_of_file(chosen, grid)
+    else:
+        start = read_start(options.init, recording, parts.base_frame, frame)
     anywhere = start is None and options.init != "uniform" and not options.follow_initialpose
     start, proposal = search_for(chosen.settings, grid, landmarks, parts, start, anywhere=anywhere)
     setup = assemble.prepare(
@@ -161,7 +186,7 @@ def _set_up(
         settings=chosen.settings,
         start=start,
         proposal=proposal,
-        follow=find_initialpose(recording) if options.follow_initialpose else "",
+        follow=told.topic if told else "",
         deskew=options.deskew,
         scan_offset_ns=options.scan_offset_ns,
         seed=options.seed,
@@ -201,17 +226,26 @@ def _find_map(options: RunOptions, recording: Recording, parts: Roles, settings:
 
 
 def _events(
-    recording: Recording, parts: Roles, setup: Setup, outputs: Outputs, references: References
+    recording: Recording,
+    parts: Roles,
+    setup: Setup,
+    outputs: Outputs,
+    references: References,
+    told: OperatorPoses | None,
 ) -> Iterator[tuple[str, object]]:
-    """Decoded messages that take part; transforms are passed on to traces that keep them."""
+    """Decoded messages that take part; transforms are passed on to traces that keep them.
+
+    Poses that an operator ``told`` come in the map's frame; those that cannot be brought there do not come.
+    """
     own = frozenset(parts.transform_topics)
-    for topic, record in recording.events(
-        setup.topics | references.topics | (own if outputs.keeps_transforms else frozenset())
-    ):
+    needed = setup.topics | references.topics | (own if outputs.keeps_transforms else frozenset())
+    for topic, record in recording.events(needed):
         if isinstance(record, tuple) and topic in own:
             outputs.pass_on(record)
         references.take(topic, record)
-        yield topic, record
+        usable = told.take(record) if told is not None and topic == told.topic else record
+        if usable is not None:
+            yield topic, usable
 
 
 def _require_updates(tally: ReplayTally, setup: Setup) -> None:

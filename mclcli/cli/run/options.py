@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, final, get_args
 import click
 
 from mclcli.cli import options
-from mclcli.cli.parse import parse_at
+from mclcli.cli.parse import parse_at, parse_picture
 from mclcli.errors import UsageError
 from mclcli.filter import Recovery
 from mclcli.io.traces.formats import endings
@@ -124,12 +124,14 @@ run_options = options.all_of(
         help=f"A pose per scan: {endings('track')}, or - for CSV on stdout; repeatable.",
     ),
     click.option("--steps", metavar="FILE", help="A row per update, CSV; - is stdout."),
-    click.option("--picture", metavar="F.png", help="Draw map, track, reference and final particles."),
+    click.option(
+        "--picture", metavar="F.png", callback=parse_picture, help="Draw map, track, reference and final particles."
+    ),
     click.option(
         "--init",
         metavar="WHERE",
         help="X,Y,YAW[,SXY,SYAW], uniform over the free cells, global (where a search finds the scans), a TOPIC of the "
-        "log or FILE.tum.  [default: global]",
+        "log, tf:FRAME[:CHILD] or FILE.tum.  [default: global]",
     ),
     click.option(
         "--seed",
@@ -175,11 +177,13 @@ run_options = options.all_of(
     ),
     click.option("--strict", is_flag=True, help="Stop at the first damage in the log."),
     click.option(
-        "--truth", metavar="FILE.tum|TOPIC", help="Reference for picture and report, as for mcl eval; never an input."
+        "--truth",
+        metavar="FILE.tum|TOPIC|tf:…",
+        help="Reference for picture and report, as for mcl eval; tf:FRAME[:CHILD] are transforms. Never an input.",
     ),
     click.option(
         "--versus",
-        metavar="TOPIC|tf:FRAME",
+        metavar="TOPIC|tf:…",
         help="What the robot itself believed, /amcl_pose or tf:map; says since when the two were apart.",
     ),
     options.parameters,

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from mclcli.geometry.trajectory import Track, Trajectory
     from mclcli.io.recording.recorded_poses import RecordedPoses
     from mclcli.io.recording.recording import Recording
+    from mclcli.io.recording.to_map import MapFrame
     from mclcli.replay.loop import Setup
 
 
@@ -44,7 +45,9 @@ class References:
     ``topics`` are those needed for it.
     """
 
-    def __init__(self, truth: str | None, versus: str | None, recording: Recording, setup: Setup) -> None:
+    def __init__(
+        self, truth: str | None, versus: str | None, recording: Recording, setup: Setup, frame: MapFrame
+    ) -> None:
         from mclcli.io.recording.recorded_poses import RecordedPoses, read_trajectory
 
         self._versus_name, self._origin_ns = versus or "", recording.first_ns
@@ -52,12 +55,13 @@ class References:
         self._truth: RecordedPoses | None = None
         self._versus: RecordedPoses | None = None
         if truth is not None and _is_stated(truth, recording):
-            self._truth = RecordedPoses(truth, recording.survey, setup.base_frame)
+            self._truth = RecordedPoses(truth, recording.survey, setup.base_frame, frame)
         elif truth is not None:
-            self._file = read_trajectory(truth)
+            self._file = read_trajectory(truth, map_frame_id=frame.names[0] if frame.names else "")
+        self._of_odometry = versus is not None and _is_of_odometry(versus, setup.odom_frame)
         if versus is not None:
-            child = setup.odom_frame if versus.startswith("tf:") else setup.base_frame
-            self._versus = RecordedPoses(versus, recording.survey, child)
+            child = setup.odom_frame if self._of_odometry else setup.base_frame
+            self._versus = RecordedPoses(versus, recording.survey, child, frame)
         collectors = [collector for collector in (self._truth, self._versus) if collector is not None]
         self._collectors = tuple(collectors)
         self.topics: frozenset[str] = frozenset().union(*(collector.topics for collector in collectors))
@@ -85,14 +89,20 @@ class References:
         return Findings(truth, evaluation, comparison, believed, self._versus_name, self._origin_ns)
 
     def _belief(self, belief: Trajectory, track: Track) -> Trajectory:
-        return (composed if self._versus_name.startswith("tf:") else carried)(belief, track.odometry)
+        return (composed if self._of_odometry else carried)(belief, track.odometry)
+
+
+def _is_of_odometry(source: str, odom_frame: str) -> bool:
+    """Whether --versus tells where odometry's frame is, to be composed with it: ``tf:FRAME``, ``tf:FRAME:odom``."""
+    kind, _, rest = source.partition(":")
+    return kind == "tf" and rest.partition(":")[2].lstrip("/") in {"", odom_frame}
 
 
 def _is_stated(text: str, recording: Recording) -> bool:
     """Whether --truth names something within the log itself."""
     from mclcli.cli.run.start import names_topic
 
-    return text.startswith("tf:") or names_topic(text, recording)
+    return names_topic(text, recording)
 
 
 def lines_of(findings: Findings) -> list[str]:

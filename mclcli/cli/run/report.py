@@ -109,7 +109,9 @@ def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
         f"time jumped back {_times(back)}; the filter began anew in each segment": back,
         f"{tally.injected} particles drawn anew": tally.injected,
     }
-    return [text for text, count in told.items() if count]
+    passed_over = _skipped(tally, setup.follow)
+    follow = [f"{clean(setup.follow)}: {passed_over.removeprefix(', ')}"] if setup.follow and passed_over else []
+    return [text for text, count in told.items() if count] + follow
 
 
 def _times(count: int) -> str:

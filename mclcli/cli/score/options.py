@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, final
 import click
 
 from mclcli.cli import options
-from mclcli.cli.parse import parse_pose, parse_poses
+from mclcli.cli.parse import named, parse_picture, parse_pose, parse_poses
 from mclcli.errors import UsageError
 from mclcli.quantity import parse_list
 
@@ -141,11 +141,19 @@ score_options = options.all_of(
         "-o",
         "--output",
         metavar="FILE",
+        callback=named(".csv", ".mcap"),
         help="CSV or .mcap, - is stdout; CSV on stdout if neither this nor --heatmap is given.",
     ),
-    click.option("--heatmap", metavar="F.png", help="Draw the likelihood over x, y (best over yaw)."),
+    click.option(
+        "--heatmap", metavar="F.png", callback=parse_picture, help="Draw the likelihood over x, y (best over yaw)."
+    ),
     click.option("--explain", is_flag=True, help="For one pose: a row per beam and landmark instead of one per pose."),
-    click.option("--picture", metavar="F.png", help="With --explain: draw the scan on the map, coloured by log p."),
+    click.option(
+        "--picture",
+        metavar="F.png",
+        callback=parse_picture,
+        help="With --explain: draw the scan on the map, coloured by log p.",
+    ),
     options.parameters,
     options.sensors,
     options.map_limits,

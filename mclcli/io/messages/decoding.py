@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from mclcli.io.messages.sightings import Vision
     from mclcli.world.occupancy import OccupancyGrid
 
-    Record = LaserScan | Odometry | StampedPose | Vision | OccupancyGrid | tuple[Transform, ...]
+    Record = LaserScan | Odometry | StampedPose | Vision | OccupancyGrid | Transform | tuple[Transform, ...]
 
 __all__ = ["DECODABLE", "Undecodable", "decode", "planar_covariance", "to_plain"]
 
@@ -109,27 +109,37 @@ def _transforms(value: Parsed, context: Context) -> tuple[Transform, ...]:
         matrix = _matrix(item.transform.translation, item.transform.rotation)
         if matrix is None:
             context.note(NOT_RIGID)
-            continue
-        # A static transform holds at all times: its stamp says nothing, and is often 0.
-        stamp = context.raw.log_time_ns if static and not _stamped(item.header) else context.stamp(item.header)
-        parent, child = frame_name(item.header.frame_id), frame_name(item.child_frame_id)
-        result.append(Transform(stamp, parent, child, matrix, static))
+        else:
+            result.append(_transform(item, matrix, context, static=static))
     return tuple(result)
 
 
+def _transform(item: Parsed, matrix: FloatArray, context: Context, *, static: bool) -> Transform:
+    # A static transform holds at all times: its stamp says nothing, and is often 0.
+    stamp = context.raw.log_time_ns if static and not _stamped(item.header) else context.stamp(item.header)
+    return Transform(stamp, frame_name(item.header.frame_id), frame_name(item.child_frame_id), matrix, static)
+
+
+def _transform_stamped(value: Parsed, context: Context) -> Transform | Undecodable:
+    """One transform on a topic of its own, as motion capture states poses; no part of the tree of frames."""
+    matrix = _matrix(value.transform.translation, value.transform.rotation)
+    return _BAD_POSE if matrix is None else _transform(value, matrix, context, static=False)
+
+
 def _pose_stamped(value: Parsed, context: Context) -> StampedPose | Undecodable:
-    pose = _planar(value.pose)
-    if pose is None:
-        return _BAD_POSE
-    return StampedPose(context.stamp(value.header), frame_name(value.header.frame_id), pose)
+    return _pose(value.header, value.pose, None, context)
 
 
 def _pose_with_covariance(value: Parsed, context: Context) -> StampedPose | Undecodable:
-    pose = _planar(value.pose.pose)
-    if pose is None:
-        return _BAD_POSE
     covariance = planar_covariance(np.array(value.pose.covariance, dtype=np.float64))
-    return StampedPose(context.stamp(value.header), frame_name(value.header.frame_id), pose, covariance)
+    return _pose(value.header, value.pose.pose, covariance, context)
+
+
+def _pose(header: Parsed, pose: Parsed, covariance: FloatArray | None, context: Context) -> StampedPose | Undecodable:
+    planar, matrix = _planar(pose), _matrix(pose.position, pose.orientation)
+    if planar is None:
+        return _BAD_POSE
+    return StampedPose(context.stamp(header), frame_name(header.frame_id), planar, covariance, matrix)
 
 
 def _occupancy_grid(value: Parsed, _: Context) -> OccupancyGrid | Undecodable:
@@ -191,6 +201,7 @@ _CONVERTERS: dict[str, Callable[[Parsed, Context], Record | Undecodable]] = {
     "nav_msgs/msg/Odometry": _odometry,
     "tf2_msgs/msg/TFMessage": _transforms,
     "tf/msg/tfMessage": _transforms,
+    "geometry_msgs/msg/TransformStamped": _transform_stamped,
     "geometry_msgs/msg/PoseStamped": _pose_stamped,
     "geometry_msgs/msg/PoseWithCovarianceStamped": _pose_with_covariance,
     "nav_msgs/msg/OccupancyGrid": _occupancy_grid,

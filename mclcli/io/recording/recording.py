@@ -79,6 +79,19 @@ class Recording:
             if usable is not None and message.channel.topic in wanted:
                 yield message.channel.topic, usable
 
+    def records(self, topic: str) -> list[object]:
+        """Everything decodable of one topic; of a pipe, only what its head holds."""
+        return [record for _, record in self.first_events([topic])]
+
+    def first_events(self, topics: Iterable[str]) -> Iterator[tuple[str, object]]:
+        """Decoded messages before a replay, (topic, record), uncounted; of a pipe, only what its head holds."""
+        wanted = frozenset(topics)
+        messages = self._messages(wanted) if self.log.seekable else iter(self._head)
+        for message in messages:
+            record = decode(message) if message.channel.topic in wanted else None
+            if record is not None and not isinstance(record, Undecodable):
+                yield message.channel.topic, record
+
     @property
     def first_ns(self) -> int:
         """Log time of the first message, 0 for an empty log."""
@@ -87,6 +100,11 @@ class Recording:
     def raw(self, topic: str) -> Iterator[RawMessage]:
         """Messages of one topic as recorded."""
         return self._messages(frozenset({topic}))
+
+    def keep_to(self, parts: Roles) -> None:
+        """Of a log of several robots, know the transforms of one from here on: frames of others may be named alike."""
+        if parts.robot:
+            self.survey = self.survey.within(parts.transform_topics)
 
     def mount_at(self, parts: Roles, frame: str, stamp_ns: int) -> FloatArray | None:
         """``base_from_frame`` (4, 4) at a stamp, None if no transform says it; reads the log where the mount moves."""
@@ -104,12 +122,6 @@ class Recording:
             latest_ns = tree.latest_common(parts.base_frame, frame)
             tree.forget_before(min(stamp_ns, stamp_ns if latest_ns is None else latest_ns))
         return None
-
-    def records(self, topic: str) -> list[object]:
-        """Everything decodable of one topic; of a pipe, only what its head holds."""
-        messages = self._messages(frozenset({topic})) if self.log.seekable else iter(self._head)
-        records = (decode(message) for message in messages if message.channel.topic == topic)
-        return [record for record in records if not isinstance(record, Undecodable)]
 
     def _messages(self, wanted: frozenset[str]) -> Iterator[RawMessage]:
         if self.log.seekable:

@@ -76,6 +76,7 @@ def assign(survey: LogSurvey, requested: RequestedRoles = RequestedRoles()) -> R
         If the frame of odometry that the user named is not above the base.
 
     """
+    requested = _as_recorded(survey, requested)
     named = (requested.odometry,) if requested.odometry not in {"", TF} else ()
     scans = () if requested.scan == (ALL,) else requested.scan
     mapped = (requested.map,) if requested.map else ()
@@ -112,6 +113,18 @@ def assign(survey: LogSurvey, requested: RequestedRoles = RequestedRoles()) -> R
         namespace=robot.namespace,
         frames=robot.frames,
         transform_topics=robot.transform_topics,
+    )
+
+
+def _as_recorded(survey: LogSurvey, requested: RequestedRoles) -> RequestedRoles:
+    """The request with its topics named as the log names them."""
+    named = survey.topic_named
+    return replace(
+        requested,
+        scan=requested.scan if requested.scan == (ALL,) else tuple(map(named, requested.scan)),
+        odometry=TF if requested.odometry == TF else named(requested.odometry),
+        vision=tuple(map(named, requested.vision)),
+        map=named(requested.map),
     )
 
 

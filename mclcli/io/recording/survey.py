@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -102,7 +102,18 @@ class LogSurvey:
     @property
     def transform_topics(self) -> tuple[str, ...]:
         """Topics that carry transforms."""
-        return tuple(name for name, topic in self.topics.items() if topic.channel.type in transforms.TYPES)
+        return tuple(topic for space in self.transforms.values() for topic in space.topics)
+
+    def within(self, topics: Collection[str]) -> LogSurvey:
+        """The same survey with the transforms alone of the namespaces of some topics of transforms."""
+        kept = {name: space for name, space in self.transforms.items() if not set(space.topics).isdisjoint(topics)}
+        return replace(self, transforms=kept)
+
+    def topic_named(self, name: str) -> str:
+        """The topic that a name means, written with or without a leading slash; the name itself if there is none."""
+        if name in self.topics:
+            return name
+        return next((topic for topic in self.topics if topic.lstrip("/") == name.lstrip("/")), name)
 
     def of_type(self, *types: str) -> list[TopicSurvey]:
         """Topics of these types that have a decodable message, by name."""
