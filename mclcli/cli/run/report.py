@@ -33,15 +33,14 @@ _REDRAW_S = 0.1
 @contextmanager
 def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
     """Live progress on stderr while it is a terminal: percent of the log, × real time, ESS, pose."""
-    span = recording.survey.span_ns
-    if span is None or not console.is_live():
+    if recording.survey.span_ns is None or not console.is_live():
         yield lambda _: None
         return
     from rich.live import Live
     from rich.text import Text
 
     began = time.perf_counter()
-    first_ns, last_ns = span
+    first_ns, last_ns = recording.first_ns, recording.last_ns
     drawn = 0.0
     ess = ""
     with Live(console=console.stderr(), transient=True, auto_refresh=False) as live:
@@ -55,11 +54,8 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
                 return
             drawn = now
             part = (point.stamp_ns - first_ns) * 1e-9
-            share = (
-                f"{100 * (point.stamp_ns - first_ns) / max(last_ns - first_ns, 1):3.0f} %  "
-                if recording.log.seekable
-                else ""
-            )
+            done = min(1.0, (point.stamp_ns - first_ns) / max(last_ns - first_ns, 1))
+            share = f"{100 * done:3.0f} %  " if recording.log.seekable else ""
             x, y, yaw = point.estimate.pose
             speed = part / max(now - began, 1e-9)
             pose = f"x {x:.2f} m  y {y:.2f} m  yaw {np.degrees(yaw):.0f}°"

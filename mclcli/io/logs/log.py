@@ -57,17 +57,19 @@ class Log:
         announce: bool = True,
         beside: Callable[[Beside], None] | None = None,
         guess: Guess | None = None,
+        origin: Callable[[], int | None] = lambda: None,
     ) -> Iterator[RawMessage]:
         """Messages of the wanted topics (None: of all), from the start, in order of log time, ties in file order.
 
         ``tally`` is filled meanwhile, and each damage is warned of unless ``announce`` is off (a second reading).
         ``beside`` is given what stands beside the messages, where it comes; ``guess`` names channels of which the
-        file says nothing (see ``Wish``). Messages that rosbag2 compressed one by one are unpacked.
+        file says nothing (see ``Wish``). Messages that rosbag2 compressed one by one are unpacked. Damage is told in
+        seconds after the log time that ``origin`` gives, None for the first message's.
         Raises InputError at the first damage if ``strict``, when the file cannot be read at all, and when a stream is
         read a second time.
         """
         wish = Wish(None if wanted_topics is None else _in(wanted_topics), beside is not None, guess)
-        intake = _Intake(tally, strict, announce, beside)
+        intake = _Intake(tally, strict, announce, beside, origin)
         for damage in self.missing:
             intake.damage(damage)
         read = tally.read
@@ -107,6 +109,7 @@ class _Intake:
     strict: bool
     announce: bool
     beside: Callable[[Beside], None] | None
+    origin: Callable[[], int | None]
     told_late: bool = False
     channels: set[Channel] = field(default_factory=set)
 
@@ -154,7 +157,9 @@ class _Intake:
 
     def damage(self, damage: Damage) -> None:
         """Count, and warn or stop."""
-        origin = min((ns for ns in (self.tally.first_ns, damage.first_ns) if ns is not None), default=None)
+        origin = self.origin()
+        if origin is None:
+            origin = min((ns for ns in (self.tally.first_ns, damage.first_ns) if ns is not None), default=None)
         text = damage.describe(origin)
         if self.strict:
             raise InputError(f"{text}; leave --strict out to use the rest")

@@ -10,7 +10,9 @@ from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Tally
 from mclcli.io.messages.decoding import Undecodable, decode
 from mclcli.io.recording.cameras import Cameras
+from mclcli.io.recording.clocks import clocks_of
 from mclcli.io.recording.roles import RequestedRoles, Roles, assign
+from mclcli.io.recording.stamps import stamp_in
 from mclcli.io.recording.survey import LogSurvey, survey_log
 
 if TYPE_CHECKING:
@@ -42,7 +44,7 @@ class Recording:
 
     A file is looked through whole. A pipe cannot be read twice: its first 10 s are kept and looked through, and what
     comes later goes by once, unless the ``whole`` of it is only to be looked at. ``tally`` counts what was read;
-    ``diagnosis`` sees all that is looked through.
+    ``diagnosis`` sees all that is looked through; ``clocks`` are those of stamps and log times.
     """
 
     def __init__(
@@ -52,12 +54,14 @@ class Recording:
         self.tally = Tally()
         self._head: list[RawMessage] = []
         self._rest: Iterator[RawMessage] = iter(())
-        if log.seekable or whole:
-            messages = log.messages(None, self.tally, strict=strict)
-            self.survey = survey_log(diagnosis.watch(messages) if diagnosis else messages)
+        self.survey = LogSurvey(complete=log.seekable or whole)
+        messages = log.messages(None, self.tally, strict=strict, origin=self._origin)
+        if self.survey.complete:
+            survey_log(diagnosis.watch(messages) if diagnosis else messages, self.survey)
         else:
-            self._rest = log.messages(None, self.tally, strict=strict)
-            self.survey = self._look_ahead()
+            self._rest = messages
+            self._look_ahead()
+        self.clocks = clocks_of(self.survey)
 
     def roles(self, requested: RequestedRoles | None = None) -> Roles:
         """Which topic plays which part; see ``mclcli.io.recording.roles.assign``."""
@@ -71,7 +75,7 @@ class Recording:
         wanted = frozenset(topics)
         cameras = Cameras(self.survey, wanted, self.tally)
         for message in self._messages(wanted | cameras.topics):
-            record = decode(message, self.tally)
+            record = decode(self._on_stamps_clock(message), self.tally)
             if isinstance(record, Undecodable):
                 continue
             usable = cameras.see(message.channel.topic, record)
@@ -80,8 +84,17 @@ class Recording:
 
     @property
     def first_ns(self) -> int:
-        """Log time of the first message, 0 for an empty log."""
-        return (self.survey.span_ns or (0, 0))[0]
+        """First stamp of scans, odometry and sightings, from which seconds into the log count; 0 for an empty log."""
+        return self.clocks.first_ns
+
+    @property
+    def last_ns(self) -> int:
+        """About the last stamp: the last log time, brought to the stamps' clock."""
+        return (self.survey.span_ns or (0, 0))[1] - self.clocks.offset_ns
+
+    def stamp_of(self, message: RawMessage) -> int:
+        """Stamp of a message as recorded; where it has none, its log time brought to the stamps' clock."""
+        return stamp_in(message) or message.log_time_ns - self.clocks.offset_ns
 
     def raw(self, topic: str) -> Iterator[RawMessage]:
         """Messages of one topic as recorded."""
@@ -90,7 +103,7 @@ class Recording:
     def records(self, topic: str) -> list[object]:
         """Everything decodable of one topic; of a pipe, only what its head holds."""
         messages = self._messages(frozenset({topic})) if self.log.seekable else iter(self._head)
-        records = (decode(message) for message in messages if message.channel.topic == topic)
+        records = (decode(self._on_stamps_clock(message)) for message in messages if message.channel.topic == topic)
         return [record for record in records if not isinstance(record, Undecodable)]
 
     def _messages(self, wanted: frozenset[str]) -> Iterator[RawMessage]:
@@ -98,13 +111,22 @@ class Recording:
             return self.log.messages(wanted, Tally(), announce=False)
         return (message for message in chain(self._head, self._rest) if message.channel.topic in wanted)
 
-    def _look_ahead(self) -> LogSurvey:
-        survey, size = LogSurvey(complete=False), 0
+    def _on_stamps_clock(self, message: RawMessage) -> RawMessage:
+        """The message with a log time that may stand for its stamp, where that is 0."""
+        offset_ns = self.clocks.offset_ns
+        return message._replace(log_time_ns=message.log_time_ns - offset_ns) if offset_ns else message
+
+    def _origin(self) -> int | None:
+        """Log time from which damage is told while the log is looked through: None before there is a first stamp."""
+        told = any(topic.first_stamp_ns and not topic.carries_transforms for topic in self.survey.topics.values())
+        return clocks_of(self.survey).first_logged_ns if told else None
+
+    def _look_ahead(self) -> None:
+        size = 0
         for message in self._rest:
             self._head.append(message)
-            survey.add(message)
+            self.survey.add(message)
             size += len(message.data)
-            span = survey.span_ns
+            span = self.survey.span_ns
             if size > _HEAD_BYTES or (span and span[1] - span[0] > _HEAD_NS):
                 break
-        return survey

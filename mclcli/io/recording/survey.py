@@ -9,6 +9,8 @@ import numpy as np
 
 from mclcli.geometry.frames import TransformTree
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
+from mclcli.io.messages.sightings import types_with
+from mclcli.io.recording.stamps import TRANSFORMS, stamp_in
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -17,7 +19,7 @@ if TYPE_CHECKING:
     from mclcli.io.logs.base import Channel, RawMessage
     from mclcli.records import Transform
 
-_TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
+_SENSORS = frozenset({"sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", *types_with("rays"), *types_with("pixels")})
 
 
 @final
@@ -25,7 +27,8 @@ _TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
 class TopicSurvey:
     """One topic: its messages counted, the first one decoded (``sample``), or why that cannot be (``problem``).
 
-    ``first_ns``, ``last_ns`` and ``longest_gap_ns`` are log times.
+    ``first_ns``, ``last_ns`` and ``longest_gap_ns`` are log times. ``first_stamp_ns`` is the first stamp but 0 of
+    scans, odometry, sightings and moving transforms, None while none came; ``offset_ns`` is its log time − itself.
     """
 
     channel: Channel
@@ -35,6 +38,18 @@ class TopicSurvey:
     longest_gap_ns: int = 0
     sample: object | None = None
     problem: str = ""
+    first_stamp_ns: int | None = None
+    offset_ns: int = 0
+    tells_time: bool = field(init=False)
+
+    def __post_init__(self) -> None:
+        static = self.channel.topic.endswith("tf_static")
+        self.tells_time = self.channel.type in _SENSORS or (self.carries_transforms and not static)
+
+    @property
+    def carries_transforms(self) -> bool:
+        """Whether its messages are transforms."""
+        return self.channel.type in TRANSFORMS
 
     @property
     def rate(self) -> float | None:
@@ -81,7 +96,7 @@ class LogSurvey:
     @property
     def transform_topics(self) -> tuple[str, ...]:
         """Topics that carry transforms."""
-        return tuple(name for name, topic in self.topics.items() if topic.channel.type in _TRANSFORMS)
+        return tuple(name for name, topic in self.topics.items() if topic.channel.type in TRANSFORMS)
 
     def of_type(self, *types: str) -> list[TopicSurvey]:
         """Topics of these types that have a decodable message, by name."""
@@ -93,8 +108,11 @@ class LogSurvey:
         channel = message.channel
         topic = self.topics.setdefault(channel.topic, TopicSurvey(channel))
         topic.count_one(message.log_time_ns)
-        if channel.type in _TRANSFORMS or (topic.sample is None and channel.type in DECODABLE):
+        if channel.type in TRANSFORMS or (topic.sample is None and channel.type in DECODABLE):
             self._decode(topic, message)
+        if topic.tells_time and not topic.first_stamp_ns and topic.sample is not None:
+            topic.first_stamp_ns = stamp_in(message)
+            topic.offset_ns = message.log_time_ns - (topic.first_stamp_ns or 0)
 
     def _decode(self, topic: TopicSurvey, message: RawMessage) -> None:
         record = decode(message)
@@ -108,9 +126,9 @@ class LogSurvey:
                 self.statics[transform.child] = transform
 
 
-def survey_log(messages: Iterable[RawMessage]) -> LogSurvey:
-    """Look through these messages."""
-    result = LogSurvey()
+def survey_log(messages: Iterable[RawMessage], result: LogSurvey | None = None) -> LogSurvey:
+    """Look through these messages; ``result`` is the survey that takes them in, a new one by default."""
+    result = LogSurvey() if result is None else result
     for message in messages:
         result.add(message)
     return result
