@@ -126,7 +126,7 @@ def _set_up(
     landmarks = _read_landmarks(options.topics.landmarks)
     start = start_of_file(chosen, grid) if options.init is None else read_start(options.init, recording)
     anywhere = start is None and options.init != "uniform" and not options.follow_initialpose
-    start, proposal = search_for(chosen.settings, grid, landmarks, parts, start, anywhere=anywhere)
+    start, proposal, search = search_for(chosen.settings, grid, landmarks, parts, start, anywhere=anywhere)
     setup = assemble.prepare(
         recording.survey,
         parts,
@@ -135,6 +135,7 @@ def _set_up(
         settings=chosen.settings,
         start=start,
         proposal=proposal,
+        search=search,
         follow=find_initialpose(recording) if options.follow_initialpose else "",
         deskew=options.deskew,
         scan_offset_ns=options.scan_offset_ns,

@@ -83,7 +83,13 @@ def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Tra
             f"odometry {clean(setup.odometry)}: {tally.odometry_gaps} gaps over 1 s, the longest "
             f"{tally.longest_gap_ns * 1e-9:.1f} s; interpolated"
         )
-    return lines + _events_of(setup, tally) + _doubts(recording, tally) + _unread(recording)
+    return (
+        lines
+        + _resets(recording, setup, tally)
+        + _events_of(setup, tally)
+        + _doubts(recording, tally)
+        + _unread(recording)
+    )
 
 
 def _doubts(recording: Recording, tally: ReplayTally) -> list[str]:
@@ -96,11 +102,31 @@ def _doubts(recording: Recording, tally: ReplayTally) -> list[str]:
     return [f"probably lost, or off the map, at {share}, longest from {begin:.1f} to {end:.1f} s of the log"]
 
 
+def _resets(recording: Recording, setup: Setup, tally: ReplayTally) -> list[str]:
+    """Where odometry was set back or jumped, and what was done: the first time in full."""
+    more = tally.odometry_jumps - sum(not reset.doubtful for reset in tally.resets)
+    lines = [f"odometry {clean(setup.odometry)}: {more} more jumps, taken for no motion"] * bool(more)
+    if not tally.resets:
+        return lines
+    first, again = tally.resets[0], len(tally.resets) - 1
+    jump, name = first.jump, f"odometry {clean(setup.odometry)}"
+    far = f"{jump.moved:.1f} m" if jump.moved >= 0.1 else f"{np.degrees(jump.turned):.0f}°"
+    gap = f" in a gap of {jump.seconds:.1f} s" if jump.in_gap else ""
+    where = f"{name} jumps by {far}{gap} at {(jump.before_ns - recording.first_ns) * 1e-9:.1f} s of the log"
+    why = "reset, or the robot was carried: what is seen after it does not fit" if first.doubtful else "reset"
+    done = "the robot was searched for again" if first.searched else "the filter went on from where it was"
+    hint = "" if first.searched or setup.search is not None else " (--init global or --recovery locate search again)"
+    return [
+        f"{where} ({why}); {done}{hint}",
+        *([f"{name} jumps {_times(again)} more, resets too"] * bool(again)),
+        *lines,
+    ]
+
+
 def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
-    """What happened that a user should know of."""
-    jumps, again, back = tally.odometry_jumps, tally.restarts, tally.segments - 1
+    """What else happened that a user should know of."""
+    again, back = tally.restarts, tally.time_jumps
     told = {
-        f"odometry {clean(setup.odometry)}: {_times(jumps)} it jumped; taken for resets, not for motion": jumps,
         f"{clean(setup.follow)}: the filter began anew {_times(again)}, at each of its poses": again,
         f"time jumped back {_times(back)}; the filter began anew in each segment": back,
         f"{tally.injected} particles drawn anew": tally.injected,
