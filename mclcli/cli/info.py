@@ -89,9 +89,16 @@ def describe(
         "lidars": lidars,
         "frames": {frame: recording.survey.frames.parent(frame) for frame in recording.survey.frames.frames},
         "damage": [damage.describe(clocks.first_logged_ns if span else None) for damage in recording.tally.damages],
-        "problems": [*diagnosis.problems(clocks), *_loose(recording, parts, lidars)],
+        "problems": [*_apart(recording), *diagnosis.problems(clocks), *_loose(recording, parts, lidars)],
         "run": _run_line(recording.survey, parts, logs),
     }
+
+
+def _apart(recording: Recording | SampledLog) -> list[str]:
+    """Logs that do not follow one another."""
+    from mclcli.io.logs.spans import strands
+
+    return [f"{clean(strand.why)}: run as a segment of its own" for strand in strands(recording.tally.spans)[1:]]
 
 
 def _loose(recording: Recording | SampledLog, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:

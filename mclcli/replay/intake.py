@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple, final
 
 from mclcli.geometry import se2, se3
 from mclcli.motion.odometry import OdometryParameters, OdometryPath
-from mclcli.records import LandmarkSightings, LaserScan, Odometry, StampedPose, Transform
+from mclcli.records import LandmarkSightings, LaserScan, NextLog, Odometry, StampedPose, Transform
 from mclcli.replay.tally import ReplayTally, Reset
 from mclcli.sensors.observation import Observation
 
@@ -94,7 +94,7 @@ class Intake:
     """One pass over a log. ``path`` and ``segment`` are those of the newest messages.
 
     ``reset`` is how the newest segment began, None where time jumped back; ``doubt`` the newest one of which what is
-    seen after it tells more. ``time_jumped_in`` is the newest segment that time jumping back began.
+    seen after it tells more. ``anew_in`` is the newest segment in which everything begins anew.
     """
 
     def __init__(self, setup: Setup, tally: ReplayTally) -> None:
@@ -102,7 +102,7 @@ class Intake:
         self.segment = 0
         self.reset: Reset | None = None
         self.doubt: Reset | None = None
-        self.time_jumped_in = 0
+        self.anew_in = 0
         self._setup = setup
         self._tally = tally
         self._tree = setup.frames.replayed()
@@ -135,6 +135,9 @@ class Intake:
             self._take_reading(topic, self._shifted(record))
         elif isinstance(record, StampedPose) and topic == self._setup.follow:
             self._take_reading(topic, record)
+        elif isinstance(record, NextLog):
+            self._begin_segment()
+            self._tally.further_logs += 1
 
     def ready(self) -> Iterator[Observation | StampedPose]:
         """What odometry has passed, in the order of stamps; what cannot be used is counted."""
@@ -173,7 +176,7 @@ class Intake:
         follows = self._setup.odometry == "tf"
         odom, base = self._setup.odom_frame, self._setup.base_frame
         if follows and any(self._goes_back(t.stamp_ns) for t in transforms if self._carries_odometry(t)):
-            self._begin_segment()
+            self._turn_back()
         for transform in transforms:
             self._tree.add(transform)
         stamp_ns = self._tree.latest_common(odom, base) if follows else None
@@ -190,7 +193,7 @@ class Intake:
 
     def _take_odometry(self, record: Odometry) -> None:
         if self._goes_back(record.stamp_ns):
-            self._begin_segment()
+            self._turn_back()
         pose = record.pose
         child = record.child_frame_id
         if child and child != self._setup.base_frame:
@@ -204,6 +207,10 @@ class Intake:
     def _goes_back(self, stamp_ns: int) -> bool:
         return self.path.last_ns is not None and stamp_ns < self.path.last_ns - _JUMP_NS
 
+    def _turn_back(self) -> None:
+        self._tally.time_jumps += 1
+        self._begin_segment()
+
     def _begin_segment(self) -> None:
         """Leave the old time behind: what still waits in it has no odometry to come."""
         ahead, self._next_segment = self._next_segment, []
@@ -213,9 +220,8 @@ class Intake:
         self._first_odometry_ns, self._used_until_ns, self._last_jump_ns = None, _ALWAYS[0], _ALWAYS[0]
         self.segment += 1
         self.reset = self.doubt = None
-        self.time_jumped_in = self.segment
+        self.anew_in = self.segment
         self._tally.segments += 1
-        self._tally.time_jumps += 1
         for topic, record in ahead:
             self._push(topic, record)
 

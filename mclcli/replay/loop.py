@@ -134,12 +134,12 @@ class _Run:
         self._held.clear()
 
     def _begin_segment(self) -> Iterator[TrackPoint]:
-        """Where time jumped back, begin as at the start; where odometry was reset, search for the robot or go on."""
-        time_jumped = self._intake.time_jumped_in > self._seen_segment
+        """Begin as at the start, but where odometry was reset, search for the robot or go on."""
+        anew = self._intake.anew_in > self._seen_segment
         self._segment += self._intake.segment - self._seen_segment
         self._seen_segment, self._doubted = self._intake.segment, self._intake.doubt
         reset = self._intake.reset
-        if time_jumped or reset is None:
+        if anew or reset is None:
             yield from self.close()
             self._start, self._told = self._setup.start, None
             self._restart()

@@ -38,8 +38,9 @@ class Reset:
 class ReplayTally:
     """What became of the readings (by topic) and of the odometry, and what was scored (by sensor).
 
-    ``segments`` begin where time jumped back (``time_jumps``), and at ``resets`` in gaps or after which the robot was
-    lost; ``odometry_jumps`` counts all steps of odometry that cannot be motion.
+    ``segments`` begin where time jumped back (``time_jumps``), with ``further_logs`` that follow none, and at
+    ``resets`` in gaps or after which the robot was lost; ``odometry_jumps`` counts all steps of odometry that cannot
+    be motion.
     """
 
     used: Counter[str] = field(default_factory=Counter)
@@ -50,6 +51,7 @@ class ReplayTally:
     restarts: int = 0
     segments: int = 1
     time_jumps: int = 0
+    further_logs: int = 0
     distance: float = 0.0
     odometry_gaps: int = 0
     odometry_jumps: int = 0

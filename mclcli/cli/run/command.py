@@ -34,6 +34,7 @@ def command(options: RunOptions) -> ExitCode:
 
     With no output named, the track goes to stdout as CSV unless that is a terminal.
     """
+    from mclcli.cli import console
     from mclcli.cli.chosen import choose_settings
     from mclcli.cli.run import report
     from mclcli.cli.run.outputs import Outputs
@@ -44,6 +45,8 @@ def command(options: RunOptions) -> ExitCode:
     began = time.perf_counter()
     chosen = choose_settings(options.parameters, {}, _from_flags(options))
     settings, recording = chosen.settings, _open(options)
+    for strand in recording.strands[1:]:
+        console.warn(f"{strand.why}: a segment of its own, in which the filter begins anew")
     parts = _assign_roles(options, recording, chosen)
     grid, setup, landmarks = _set_up(options, recording, parts, chosen)
     references = References(options.truth, options.versus, recording, setup)

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, final
 
 from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Tally
+from mclcli.io.logs.spans import strands
 from mclcli.io.messages.decoding import Undecodable, decode
 from mclcli.io.recording.cameras import Cameras
 from mclcli.io.recording.clocks import clocks_of
 from mclcli.io.recording.roles import RequestedRoles, Roles, assign
 from mclcli.io.recording.stamps import stamp_in
 from mclcli.io.recording.survey import LogSurvey, survey_log
+from mclcli.records import NextLog
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -44,7 +46,8 @@ class Recording:
 
     A file is looked through whole. A pipe cannot be read twice: its first 10 s are kept and looked through, and what
     comes later goes by once, unless the ``whole`` of it is only to be looked at. ``tally`` counts what was read;
-    ``diagnosis`` sees all that is looked through; ``clocks`` are those of stamps and log times.
+    ``diagnosis`` sees all that is looked through; ``clocks`` are those of stamps and log times. Of several logs those
+    that follow one another make up a strand; ``strands`` are read one after the other.
     """
 
     def __init__(
@@ -62,6 +65,7 @@ class Recording:
             self._rest = messages
             self._look_ahead()
         self.clocks = clocks_of(self.survey)
+        self.strands = strands(self.tally.spans) if log.seekable else []
 
     def roles(self, requested: RequestedRoles | None = None) -> Roles:
         """Which topic plays which part; see ``mclcli.io.recording.roles.assign``."""
@@ -70,11 +74,15 @@ class Recording:
     def events(self, topics: Iterable[str]) -> Iterator[tuple[str, object]]:
         """Decoded messages of some topics, (topic, record), in log-time order; those that cannot be are counted.
 
+        Between logs that do not follow one another comes a ``NextLog``, of topic ''.
         Landmarks found in images come as rays: calibrations of their cameras are read along with them.
         """
         wanted = frozenset(topics)
         cameras = Cameras(self.survey, wanted, self.tally)
         for message in self._messages(wanted | cameras.topics):
+            if isinstance(message, NextLog):
+                yield "", message
+                continue
             record = decode(self._on_stamps_clock(message), self.tally)
             if isinstance(record, Undecodable):
                 continue
@@ -98,18 +106,30 @@ class Recording:
 
     def raw(self, topic: str) -> Iterator[RawMessage]:
         """Messages of one topic as recorded."""
-        return self._messages(frozenset({topic}))
+        return (message for message in self._messages(frozenset({topic})) if not isinstance(message, NextLog))
 
     def records(self, topic: str) -> list[object]:
         """Everything decodable of one topic; of a pipe, only what its head holds."""
-        messages = self._messages(frozenset({topic})) if self.log.seekable else iter(self._head)
+        messages = self.raw(topic) if self.log.seekable else iter(self._head)
         records = (decode(self._on_stamps_clock(message)) for message in messages if message.channel.topic == topic)
         return [record for record in records if not isinstance(record, Undecodable)]
 
-    def _messages(self, wanted: frozenset[str]) -> Iterator[RawMessage]:
-        if self.log.seekable:
-            return self.log.messages(wanted, Tally(), announce=False)
-        return (message for message in chain(self._head, self._rest) if message.channel.topic in wanted)
+    def _messages(self, wanted: frozenset[str]) -> Iterator[RawMessage | NextLog]:
+        if not self.log.seekable:
+            return (message for message in chain(self._head, self._rest) if message.channel.topic in wanted)
+        if len(self.strands) > 1:
+            return self._strand_by_strand(wanted)
+        return self.log.messages(wanted, Tally(), announce=False)
+
+    def _strand_by_strand(self, wanted: frozenset[str]) -> Iterator[RawMessage | NextLog]:
+        """Logs without scans and odometry go with the first strand."""
+        moving = set().union(*(strand.arguments for strand in self.strands))
+        others = set(self.log.arguments) - moving
+        for strand in self.strands:
+            if strand.why:
+                yield NextLog(strand.why)
+            part = self.log.part(strand.arguments if strand.why else strand.arguments | others)
+            yield from part.messages(wanted, Tally(), announce=False)
 
     def _on_stamps_clock(self, message: RawMessage) -> RawMessage:
         """The message with a log time that may stand for its stamp, where that is 0."""
