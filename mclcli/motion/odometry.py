@@ -115,30 +115,35 @@ class OdometryPath:
         origin = self._origins[-1]
         pose = odom_from_base if origin is None else se2.compose(se2.inverse(origin), odom_from_base)
         x, y, turned = se2.between(self._poses[-1], pose).tolist()
-        step = Jump(self._stamps[-1], stamp_ns, math.hypot(x, y), abs(turned))
-        if other_frame or self.parameters.is_jump(step.moved, step.turned, step.seconds):
-            self.jump = step
+        step = math.hypot(x, y), abs(turned), (stamp_ns - self._stamps[-1]) * 1e-9
+        if other_frame or self.parameters.is_jump(*step):
+            self.jump = Jump(self._stamps[-1], stamp_ns, *step[:2])
         elif not self.parameters.believe_all:
-            self._look_closer(step, odom_from_base if stated is None else stated)
-        self._last = (step.moved, step.turned, step.seconds)
+            self._look_closer(stamp_ns, step, odom_from_base if stated is None else stated)
+        self._last = step
         if self.jump is not None:
             pose = self._poses[-1]
             origin = se2.compose(odom_from_base, se2.inverse(pose))
         self._add(stamp_ns, pose, origin)
         return True
 
-    def _look_closer(self, step: Jump, stated: FloatArray) -> None:
-        """Tell what is slow enough for motion from odometry that was set back, and what cannot be told."""
-        moved, turned, seconds = self._last
+    def _look_closer(self, stamp_ns: int, step: tuple[float, float, float], stated: FloatArray) -> None:
+        """Tell what is slow enough for motion from odometry that was set back, and what cannot be told.
+
+        ``step`` is how far it goes [m], how far it turns [rad], and how long it takes [s].
+        """
+        (moved, turned, seconds), (moved_before, turned_before, before) = step, self._last
+        in_gap, rare = seconds > _GAP, seconds > _RARER * before
         x, y, yaw = stated.tolist()
         if abs(x) <= _AT_ORIGIN_M and abs(y) <= _AT_ORIGIN_M:
-            pace = 0.0 if step.in_gap or not seconds else _FASTER * step.seconds / seconds
-            turns = abs(yaw) <= _AT_ORIGIN_RAD and step.turned > max(_SET_BACK_RAD, pace * turned)
-            self.jump = step if turns or step.moved > max(_SET_BACK_M, pace * moved) else None
-        rare = step.seconds > _RARER * seconds
-        far = step.moved > _DOUBTED_M and (rare or step.moved * seconds > _FASTER * step.seconds * moved)
-        if self.jump is None and (far or (rare and step.in_gap and step.turned > _DOUBTED_RAD)):
-            self.doubt = step
+            pace = 0.0 if in_gap or not before else _FASTER * seconds / before
+            turns = abs(yaw) <= _AT_ORIGIN_RAD and turned > max(_SET_BACK_RAD, pace * turned_before)
+            if turns or moved > max(_SET_BACK_M, pace * moved_before):
+                self.jump = Jump(self._stamps[-1], stamp_ns, moved, turned)
+                return
+        far = moved > _DOUBTED_M and (rare or moved * before > _FASTER * seconds * moved_before)
+        if far or (rare and in_gap and turned > _DOUBTED_RAD):
+            self.doubt = Jump(self._stamps[-1], stamp_ns, moved, turned)
 
     @property
     def last_ns(self) -> int | None:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from mclcli.io.logs import Log
     from mclcli.io.logs.base import RawMessage
+    from mclcli.io.logs.spans import Strand
     from mclcli.io.recording.diagnosis import Diagnosis
 
 _HEAD_NS = 10_000_000_000
@@ -79,11 +80,21 @@ class Recording:
         """
         wanted = frozenset(topics)
         cameras = Cameras(self.survey, wanted, self.tally)
-        for message in self._messages(wanted | cameras.topics):
-            if isinstance(message, NextLog):
-                yield "", message
-                continue
-            record = decode(self._on_stamps_clock(message), self.tally)
+        needed = wanted | cameras.topics
+        if len(self.strands) < 2:
+            yield from self._decoded(self._messages(needed), wanted, cameras)
+            return
+        for strand in self.strands:
+            if strand.why:
+                yield "", NextLog(strand.why)
+            yield from self._decoded(self._of(strand, needed), wanted, cameras)
+
+    def _decoded(
+        self, messages: Iterable[RawMessage], wanted: frozenset[str], cameras: Cameras
+    ) -> Iterator[tuple[str, object]]:
+        tally = self.tally
+        for message in map(self._on_stamps_clock, messages) if self.clocks.offset_ns else messages:
+            record = decode(message, tally)
             if isinstance(record, Undecodable):
                 continue
             usable = cameras.see(message.channel.topic, record)
@@ -106,7 +117,7 @@ class Recording:
 
     def raw(self, topic: str) -> Iterator[RawMessage]:
         """Messages of one topic as recorded."""
-        return (message for message in self._messages(frozenset({topic})) if not isinstance(message, NextLog))
+        return self._messages(frozenset({topic}))
 
     def records(self, topic: str) -> list[object]:
         """Everything decodable of one topic; of a pipe, only what its head holds."""
@@ -114,27 +125,23 @@ class Recording:
         records = (decode(self._on_stamps_clock(message)) for message in messages if message.channel.topic == topic)
         return [record for record in records if not isinstance(record, Undecodable)]
 
-    def _messages(self, wanted: frozenset[str]) -> Iterator[RawMessage | NextLog]:
+    def _messages(self, wanted: frozenset[str]) -> Iterator[RawMessage]:
         if not self.log.seekable:
             return (message for message in chain(self._head, self._rest) if message.channel.topic in wanted)
         if len(self.strands) > 1:
-            return self._strand_by_strand(wanted)
+            return chain.from_iterable(self._of(strand, wanted) for strand in self.strands)
         return self.log.messages(wanted, Tally(), announce=False)
 
-    def _strand_by_strand(self, wanted: frozenset[str]) -> Iterator[RawMessage | NextLog]:
-        """Logs without scans and odometry go with the first strand."""
-        moving = set().union(*(strand.arguments for strand in self.strands))
-        others = set(self.log.arguments) - moving
-        for strand in self.strands:
-            if strand.why:
-                yield NextLog(strand.why)
-            part = self.log.part(strand.arguments if strand.why else strand.arguments | others)
-            yield from part.messages(wanted, Tally(), announce=False)
+    def _of(self, strand: Strand, wanted: frozenset[str]) -> Iterator[RawMessage]:
+        """Messages of one strand; logs without scans and odometry go with the first."""
+        arguments = strand.arguments
+        if strand is self.strands[0]:
+            arguments = arguments | (set(self.log.arguments).difference(*(s.arguments for s in self.strands)))
+        return self.log.part(arguments).messages(wanted, Tally(), announce=False)
 
     def _on_stamps_clock(self, message: RawMessage) -> RawMessage:
         """The message with a log time that may stand for its stamp, where that is 0."""
-        offset_ns = self.clocks.offset_ns
-        return message._replace(log_time_ns=message.log_time_ns - offset_ns) if offset_ns else message
+        return message._replace(log_time_ns=message.log_time_ns - self.clocks.offset_ns)
 
     def _origin(self) -> int | None:
         """Log time from which damage is told while the log is looked through: None before there is a first stamp."""

@@ -28,7 +28,8 @@ class TopicSurvey:
     """One topic: its messages counted, the first one decoded (``sample``), or why that cannot be (``problem``).
 
     ``first_ns``, ``last_ns`` and ``longest_gap_ns`` are log times. ``first_stamp_ns`` is the first stamp but 0 of
-    scans, odometry, sightings and moving transforms, None while none came; ``offset_ns`` is its log time − itself.
+    scans, odometry, sightings and moving transforms (``tells_time``), None while none came (``awaits_stamp``);
+    ``offset_ns`` is its log time − itself.
     """
 
     channel: Channel
@@ -41,10 +42,12 @@ class TopicSurvey:
     first_stamp_ns: int | None = None
     offset_ns: int = 0
     tells_time: bool = field(init=False)
+    awaits_stamp: bool = field(init=False)
 
     def __post_init__(self) -> None:
         static = self.channel.topic.endswith("tf_static")
         self.tells_time = self.channel.type in _SENSORS or (self.carries_transforms and not static)
+        self.awaits_stamp = self.tells_time
 
     @property
     def carries_transforms(self) -> bool:
@@ -56,6 +59,12 @@ class TopicSurvey:
         """Messages per second, None below two messages."""
         span_ns = self.last_ns - self.first_ns
         return (self.count - 1) / (span_ns * 1e-9) if span_ns > 0 else None
+
+    def see_stamp(self, message: RawMessage) -> None:
+        """Take the first stamp from one of its messages, if that is stamped."""
+        self.first_stamp_ns = stamp_in(message)
+        self.offset_ns = message.log_time_ns - (self.first_stamp_ns or 0)
+        self.awaits_stamp = not self.first_stamp_ns
 
     def count_one(self, log_time_ns: int) -> None:
         """Take one message's time in."""
@@ -110,9 +119,8 @@ class LogSurvey:
         topic.count_one(message.log_time_ns)
         if channel.type in TRANSFORMS or (topic.sample is None and channel.type in DECODABLE):
             self._decode(topic, message)
-        if topic.tells_time and not topic.first_stamp_ns and topic.sample is not None:
-            topic.first_stamp_ns = stamp_in(message)
-            topic.offset_ns = message.log_time_ns - (topic.first_stamp_ns or 0)
+        if topic.awaits_stamp and topic.sample is not None:
+            topic.see_stamp(message)
 
     def _decode(self, topic: TopicSurvey, message: RawMessage) -> None:
         record = decode(message)
