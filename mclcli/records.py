@@ -125,6 +125,14 @@ class CameraModel:
 
 
 @final
+@dataclass(frozen=True, slots=True)
+class NextLog:
+    """From here on come messages of another log, which does not follow the one before; ``why`` for the user."""
+
+    why: str
+
+
+@final
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimate:
     """What the filter believes: ``pose`` (3,) x, y [m], yaw [rad] in map, and its ``covariance`` (3, 3)."""

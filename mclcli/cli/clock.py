@@ -9,6 +9,7 @@ from decimal import Decimal
 from typing import Literal, final
 
 from mclcli.errors import UsageError
+from mclcli.io.recording.clocks import CALENDAR_NS
 
 _CLOCK = re.compile(r"(\d{1,2}):(\d{2})(?::(\d{2}(?:\.\d{1,9})?))?")
 _SECOND = 1_000_000_000
@@ -17,26 +18,39 @@ _SECOND = 1_000_000_000
 @final
 @dataclass(frozen=True, slots=True)
 class LogTime:
-    """A time as it was written: ``ns`` nanoseconds after the log's first message, 1970, or the first message's day."""
+    """A time as it was written for an ``option``.
+
+    ``ns`` are nanoseconds since the log's first stamp, since 1970, by the ``calendar`` since 1970, or since midnight of
+    the day of the first stamp.
+    """
 
     text: str
     ns: int
-    since: Literal["first", "epoch", "midnight"]
+    since: Literal["first", "epoch", "calendar", "midnight"]
+    option: str
 
     def stamp_ns(self, first_ns: int) -> int:
-        """Stamp [ns] in a log whose first message is of ``first_ns``."""
-        match self.since:
-            case "first":
-                return first_ns + self.ns
-            case "midnight":
-                return _midnight(first_ns) + self.ns
-            case "epoch":
-                return self.ns
+        """Stamp [ns] in a log whose first stamp is ``first_ns``.
+
+        Raises
+        ------
+        UsageError
+            If it is a clock time, and the log's stamps are of no calendar.
+
+        """
+        if self.since == "first":
+            return first_ns + self.ns
+        if self.since != "epoch" and first_ns < CALENDAR_NS:
+            raise UsageError(
+                f"{self.option}: the log's stamps are of no calendar (they begin at {first_ns * 1e-9:.3f} s), so "
+                f"'{self.text}' means nothing there; write seconds from the start (12.5) or @SECONDS"
+            )
+        return (_midnight(first_ns) if self.since == "midnight" else 0) + self.ns
 
 
 def parse_time(text: str, option: str) -> LogTime:
-    """Time of ``12.5``, seconds after the log's first message; ``@1663967375.8``, absolute seconds; ``14:32:05``, on
-    the day of the first message (UTC); or ISO 8601 (UTC unless it states an offset).
+    """Time of ``12.5``, seconds after the log's first stamp; ``@1663967375.8``, absolute seconds; ``14:32:05``, on
+    the day of the first stamp (UTC); or ISO 8601 (UTC unless it states an offset).
 
     Raises
     ------
@@ -45,12 +59,12 @@ def parse_time(text: str, option: str) -> LogTime:
 
     """  # noqa: D205 - the four forms are the summary
     if text.startswith("@"):
-        return LogTime(text, _seconds(text[1:], text, option), "epoch")
+        return LogTime(text, _seconds(text[1:], text, option), "epoch", option)
     if clock := _CLOCK.fullmatch(text):
-        return LogTime(text, _of_day(clock, text, option), "midnight")
+        return LogTime(text, _of_day(clock, text, option), "midnight", option)
     if re.match(r"\d{4}-\d{2}-\d{2}", text):
-        return LogTime(text, _iso(text, option), "epoch")
-    return LogTime(text, _seconds(text, text, option), "first")
+        return LogTime(text, _iso(text, option), "calendar", option)
+    return LogTime(text, _seconds(text, text, option), "first", option)
 
 
 def parse_seconds(text: str, option: str) -> int:
@@ -101,7 +115,7 @@ def clock_text(stamp_ns: int) -> str:
     Simulated clocks start at 0 or so: what lies before 2001 is not taken for a date.
     """
     seconds, rest = divmod(stamp_ns, _SECOND)
-    if seconds < 1_000_000_000:
+    if stamp_ns < CALENDAR_NS:
         return f"@{stamp_ns * 1e-9:.3f}"
     moment = dt.datetime(1970, 1, 1, tzinfo=dt.UTC) + dt.timedelta(seconds=seconds)
     return f"{moment:%Y-%m-%d %H:%M:%S}.{rest // 1_000_000:03d} UTC"

@@ -97,6 +97,6 @@ def _other(recording: Recording, topic: str, extract: ExtractOptions) -> str:
             f"no topic '{topic}' in the log; it has {', '.join(sorted(recording.survey.topics)) or 'none'}"
         )
     messages, first_ns = recording.raw(topic), recording.first_ns
-    message = one_scan.pick_one(messages, lambda raw: raw.log_time_ns, first_ns, extract.at, extract.index)
+    message = one_scan.pick_one(messages, recording.stamp_of, first_ns, extract.at, extract.index)
     plain = to_plain(message)
     return to_yaml(plain) if extract.form == "yaml" else json.dumps(plain) + "\n"

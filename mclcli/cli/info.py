@@ -64,14 +64,15 @@ def describe(
     recording: Recording | SampledLog, diagnosis: Diagnosis, parts: Roles, logs: tuple[str, ...]
 ) -> dict[str, Any]:
     """Everything ``mcl info`` knows, as plain values."""
-    span = recording.survey.span_ns
+    span, clocks = recording.survey.span_ns, recording.clocks
     lidars = [_lidar(recording, parts, topic) for topic in parts.scan]
     topics = [recording.survey.topics[name] for name in sorted(recording.survey.topics)]
     return {
         "files": list(recording.log.names),
-        "start": None if span is None else span[0] * 1e-9,
-        "start_utc": None if span is None else _utc(span[0]),
+        "start": None if span is None else clocks.first_ns * 1e-9,
+        "start_utc": None if span is None or clocks.simulated else _utc(clocks.first_ns),
         "duration": None if span is None else (span[1] - span[0]) * 1e-9,
+        "clocks": {"log_time_minus_stamp": clocks.offset_ns * 1e-9, "said": clocks.describe()},
         "messages": sum(topic.count for topic in topics),
         "checks": [dataclasses.asdict(file) for file in recording.tally.files],
         "topics": [_topic(topic, parts, diagnosis) for topic in topics],
@@ -87,10 +88,17 @@ def describe(
         },
         "lidars": lidars,
         "frames": {frame: recording.survey.frames.parent(frame) for frame in recording.survey.frames.frames},
-        "damage": [damage.describe(span[0] if span else None) for damage in recording.tally.damages],
-        "problems": [*diagnosis.problems(span[0] if span else 0), *_loose(recording, parts, lidars)],
+        "damage": [damage.describe(clocks.first_logged_ns if span else None) for damage in recording.tally.damages],
+        "problems": [*_apart(recording), *diagnosis.problems(clocks), *_loose(recording, parts, lidars)],
         "run": _run_line(recording.survey, parts, logs),
     }
+
+
+def _apart(recording: Recording | SampledLog) -> list[str]:
+    """Logs that do not follow one another."""
+    from mclcli.io.logs.spans import strands
+
+    return [f"{clean(strand.why)}: run as a segment of its own" for strand in strands(recording.tally.spans)[1:]]
 
 
 def _loose(recording: Recording | SampledLog, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:
@@ -182,7 +190,8 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     """The facts for people."""
     names = ", ".join(clean(name) for name in facts["files"])
     duration = facts["duration"]
-    when = "" if duration is None else f", {duration:.1f} s from {facts['start_utc']} (@{facts['start']:.9f})"
+    utc = f"{facts['start_utc']} " if facts["start_utc"] else ""
+    when = "" if duration is None else f", {duration:.1f} s from {utc}(@{facts['start']:.9f})"
     lines = [f"{names}: {facts['messages']} messages on {len(facts['topics'])} topics{when}"]
     lines += [_check_line(file) for file in facts["checks"]]
     lines.append("")
@@ -194,6 +203,7 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     lines.append(
         f"odometry: {clean(roles['odometry']) or 'none'} ({clean(roles['odom_frame'])} to {clean(roles['base_frame'])})"
     )
+    lines += [f"clocks: {facts['clocks']['said']}"] * bool(facts["clocks"]["said"])
     lines += [f"damage: {clean(text, 300)}" for text in facts["damage"]]
     lines += [f"problem: {clean(text, 300)}" for text in facts["problems"]]
     return [*lines, "", clean(facts["run"], 1000)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from array import array
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar, final
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 Message = TypeVar("Message")
 
 _CAMERA = "camera"  # the frame of --bearings
-_NEAR_NS = 1_000_000_000
+_NEAR_NS = 100_000_000  # a time is often told with one decimal
 
 
 @final
@@ -123,12 +124,10 @@ def pick_one(
 ) -> Message:
     """The message nearest to a time, or of a number; the first one if neither is given.
 
-    Says so where the nearest one is more than 1 s away.
-
     Raises
     ------
     UsageError
-        If there is no message of that number.
+        If there is no message of that number, or none within two of the topic's periods of that time.
 
     """
     if at is not None and index is not None:
@@ -136,14 +135,35 @@ def pick_one(
     if at is None:
         chosen = next(itertools.islice(messages, index or 0, None), None)
     else:
-        stamp_ns = at.stamp_ns(first_ns)
-        chosen = min(messages, key=lambda message: abs(stamp_of(message) - stamp_ns), default=None)
-        if chosen is not None and abs(away_ns := stamp_of(chosen) - stamp_ns) > _NEAR_NS:
-            side = "after" if away_ns > 0 else "before"
-            console.remark(f"--at {at.text}: the nearest message is from {abs(away_ns) * 1e-9:.1f} s {side} that")
+        chosen = _nearest(messages, stamp_of, first_ns, at)
     if chosen is None:
         raise UsageError(f"the topic has no message {'' if index is None else f'of number {index} '}that can be read")
     return chosen
+
+
+def _nearest(
+    messages: Iterable[Message], stamp_of: Callable[[Message], int], first_ns: int, at: LogTime
+) -> Message | None:
+    """The message nearest to a time; an error that names the times there are where it is too far away."""
+    wanted_ns, stamps, chosen, best_ns = at.stamp_ns(first_ns), array("q"), None, 0
+    for message in messages:
+        away_ns = abs(stamp_of(message) - wanted_ns)
+        stamps.append(stamp_of(message))
+        if chosen is None or away_ns < best_ns:
+            chosen, best_ns = message, away_ns
+    known = np.unique(np.array(stamps, dtype=np.int64))
+    period_ns = float(np.median(np.diff(known))) if known.size > 1 else 0.0
+    if chosen is None or best_ns <= max(_NEAR_NS, 2.0 * period_ns):
+        return chosen
+    first, last = ((int(stamp) - first_ns) * 1e-9 for stamp in (known[0], known[-1]))
+    said = f"{at.option} {at.text}: no message within two periods ({2e-9 * period_ns:.2g} s) of that;"
+    if known.size == 1:
+        raise UsageError(f"{at.option} {at.text}: the topic has one message, at {first:.3f} s; leave {at.option} out")
+    if not known[0] < wanted_ns < known[-1]:
+        raise UsageError(f"{said} the topic's messages go from {first:.3f} to {last:.3f} s into the log")
+    after = int(np.searchsorted(known, wanted_ns))
+    before_s, after_s = ((int(known[i]) - first_ns) * 1e-9 for i in (after - 1, after))
+    raise UsageError(f"{said} the topic has a gap there, from {before_s:.3f} to {after_s:.3f} s into the log")
 
 
 def _scan_of_text(source: str, mounts: Mapping[str, FloatArray]) -> MountedScan:

@@ -71,14 +71,15 @@ def search_for(
     start: Start | None,
     *,
     anywhere: bool,
-) -> tuple[Start | None, Proposal | None]:
-    """Start and proposal of a run that a search of the map takes part in, each where it is asked for and possible.
+) -> tuple[Start | None, Proposal | None, Start | None]:
+    """Start, proposal, and search after a reset of odometry, each where it is asked for and possible.
 
     ``start`` is what else says where the run begins; with ``anywhere`` a search says it. Without a lidar or a map
     there is nothing to search.
     """
     again = settings.recovery.recovery == "locate" and settings.recovery.enabled
     if grid is None or not parts.scan or not (anywhere or again):
-        return start, None
+        return start, None, None
     search = global_search(settings, grid, landmarks)
-    return FoundOnMap(search, grid) if anywhere else start, FoundAgain(search, grid) if again else None
+    found = FoundOnMap(search, grid)
+    return found if anywhere else start, FoundAgain(search, grid) if again else None, found

@@ -73,15 +73,15 @@ class Track:
 
     def __init__(self, *, whole: bool = True) -> None:
         self._whole = whole
-        self._first_ns: int | None = None
-        self._last_ns = 0
+        self._segment, self._last_ns, self._passed_ns = -1, 0, 0
         self._stamps, self._updated = array("q"), array("b")
         self._poses, self._covariances, self._odometry = array("d"), array("d"), array("d")
 
     def append(self, point: TrackPoint) -> None:
         """Take one point in."""
-        self._first_ns = point.stamp_ns if self._first_ns is None else self._first_ns
-        self._last_ns = point.stamp_ns
+        if point.segment == self._segment:
+            self._passed_ns += point.stamp_ns - self._last_ns
+        self._segment, self._last_ns = point.segment, point.stamp_ns
         if not self._whole:
             return
         self._stamps.append(point.stamp_ns)
@@ -92,8 +92,8 @@ class Track:
 
     @property
     def seconds(self) -> float:
-        """Time from the first point to the last one [s]."""
-        return 0.0 if self._first_ns is None else (self._last_ns - self._first_ns) * 1e-9
+        """Time from the first point to the last one of each segment, in all [s]."""
+        return self._passed_ns * 1e-9
 
     @property
     def stamps_ns(self) -> IntArray:

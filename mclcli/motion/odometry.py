@@ -15,10 +15,13 @@ from mclcli.parameters import parameter, validate
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray, IntArray
 
-_SLACK_M, _SLACK_RAD = (
-    1.0,
-    1.5,
-)  # what samples may differ by however close their stamps: those of real logs are not exact
+_SLACK_M, _SLACK_RAD = 1.0, 1.5  # what samples may differ by however close: stamps of real logs are not exact
+_GAP = 1.0  # s between samples from which on nobody knows what happened
+_RARER = 3.0  # times the interval before it that a gap lasts at least
+_SET_BACK_M, _SET_BACK_RAD = 0.1, 0.05  # a smaller step to the origin passes for motion
+_AT_ORIGIN_M, _AT_ORIGIN_RAD = 1e-3, 2e-3  # so near is no robot that drove there
+_FASTER = 3.0  # times as fast as the step before is a step to the origin that is no motion
+_DOUBTED_M, _DOUBTED_RAD = 1.0, 0.5
 
 
 @final
@@ -36,12 +39,39 @@ class OdometryParameters:
     def __post_init__(self) -> None:
         validate(self)
 
-    def is_jump(self, step: FloatArray, seconds: float) -> bool:
-        """Whether a step (3,) in so many seconds cannot be motion."""
+    @property
+    def believe_all(self) -> bool:
+        """Whether every step counts as motion."""
+        return not self.odom_max_speed and not self.odom_max_turn
+
+    def is_jump(self, moved: float, turned: float, seconds: float) -> bool:
+        """Whether a step of so many metres and radians, both positive, in so many seconds cannot be motion."""
         speed, turn = self.odom_max_speed or math.inf, self.odom_max_turn or math.inf
-        x, y, turned = step.tolist()
-        moved, turned = math.hypot(x, y), abs(turned)
         return moved > max(_SLACK_M, speed * seconds) or turned > max(_SLACK_RAD, turn * seconds)
+
+
+@final
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """A step of odometry, from one sample to the next, that is not motion or may not be.
+
+    ``moved`` [m] and ``turned`` [rad], both positive, are what odometry makes of it.
+    """
+
+    before_ns: int
+    after_ns: int
+    moved: float
+    turned: float
+
+    @property
+    def seconds(self) -> float:
+        """Time between the two samples [s]."""
+        return (self.after_ns - self.before_ns) * 1e-9
+
+    @property
+    def in_gap(self) -> bool:
+        """Whether the samples are so far apart that the robot may have been carried meanwhile."""
+        return self.seconds > _GAP
 
 
 @final
@@ -50,17 +80,33 @@ class OdometryPath:
     """Recent odometry, growing at its end; constant twist between samples, never extrapolated.
 
     Where odometry jumps (a reset, a slip of the driver's numbers) the path stands still for that step and goes on:
-    ``at`` is continuous, ``recorded`` turns it into what the log says, ``jumps`` counts. By default all is believed.
+    ``at`` is continuous, ``recorded`` turns it into what the log says. ``jump`` is that of the newest sample, None if
+    it was motion; ``doubt`` is a step, after a gap or suddenly, that may be motion or not: only scans can tell. By
+    default all is believed.
     """
 
     parameters: OdometryParameters = field(default_factory=lambda: OdometryParameters(0.0, 0.0))
-    jumps: int = 0
+    jump: Jump | None = None
+    doubt: Jump | None = None
     _stamps: list[int] = field(default_factory=list)
     _poses: list[FloatArray] = field(default_factory=list)
     _origins: list[FloatArray | None] = field(default_factory=list)
+    _last: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
-    def append(self, stamp_ns: int, odom_from_base: FloatArray) -> bool:
-        """Add a sample (3,); returns False, and leaves it out, if it is not newer than the last one."""
+    def append(
+        self,
+        stamp_ns: int,
+        odom_from_base: FloatArray,
+        *,
+        stated: FloatArray | None = None,
+        other_frame: bool = False,
+    ) -> bool:
+        """Add a sample (3,); returns False, and leaves it out, if it is not newer than the last one.
+
+        ``stated`` is the pose as the message has it, where that is of another frame than the base; ``other_frame`` says
+        that it is told in another frame than the sample before.
+        """
+        self.jump = self.doubt = None
         if not self._stamps:
             self._add(stamp_ns, odom_from_base, None)
             return True
@@ -68,13 +114,36 @@ class OdometryPath:
             return False
         origin = self._origins[-1]
         pose = odom_from_base if origin is None else se2.compose(se2.inverse(origin), odom_from_base)
-        step = se2.between(self._poses[-1], pose)
-        if self.parameters.is_jump(step, (stamp_ns - self._stamps[-1]) * 1e-9):
-            self.jumps += 1
+        x, y, turned = se2.between(self._poses[-1], pose).tolist()
+        step = math.hypot(x, y), abs(turned), (stamp_ns - self._stamps[-1]) * 1e-9
+        if other_frame or self.parameters.is_jump(*step):
+            self.jump = Jump(self._stamps[-1], stamp_ns, *step[:2])
+        elif not self.parameters.believe_all:
+            self._look_closer(stamp_ns, step, odom_from_base if stated is None else stated)
+        self._last = step
+        if self.jump is not None:
             pose = self._poses[-1]
             origin = se2.compose(odom_from_base, se2.inverse(pose))
         self._add(stamp_ns, pose, origin)
         return True
+
+    def _look_closer(self, stamp_ns: int, step: tuple[float, float, float], stated: FloatArray) -> None:
+        """Tell what is slow enough for motion from odometry that was set back, and what cannot be told.
+
+        ``step`` is how far it goes [m], how far it turns [rad], and how long it takes [s].
+        """
+        (moved, turned, seconds), (moved_before, turned_before, before) = step, self._last
+        in_gap, rare = seconds > _GAP, seconds > _RARER * before
+        x, y, yaw = stated.tolist()
+        if abs(x) <= _AT_ORIGIN_M and abs(y) <= _AT_ORIGIN_M:
+            pace = 0.0 if in_gap or not before else _FASTER * seconds / before
+            turns = abs(yaw) <= _AT_ORIGIN_RAD and turned > max(_SET_BACK_RAD, pace * turned_before)
+            if turns or moved > max(_SET_BACK_M, pace * moved_before):
+                self.jump = Jump(self._stamps[-1], stamp_ns, moved, turned)
+                return
+        far = moved > _DOUBTED_M and (rare or moved * before > _FASTER * seconds * moved_before)
+        if far or (rare and in_gap and turned > _DOUBTED_RAD):
+            self.doubt = Jump(self._stamps[-1], stamp_ns, moved, turned)
 
     @property
     def last_ns(self) -> int | None:

@@ -1,36 +1,36 @@
 """Messages in, readings out when their time has come: what waits for odometry, what cannot be used, and why.
 
 A log's time may jump back, where a recording was started again: then a new segment begins, with odometry and moving
-transforms of its own.
+transforms of its own. Odometry that was set back begins a new segment too, in which the robot may be elsewhere.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import heapq
-from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NamedTuple, final
 
 from mclcli.geometry import se2, se3
 from mclcli.motion.odometry import OdometryParameters, OdometryPath
-from mclcli.records import LandmarkSightings, LaserScan, Odometry, StampedPose, Transform
+from mclcli.records import LandmarkSightings, LaserScan, NextLog, Odometry, StampedPose, Transform
+from mclcli.replay.tally import ReplayTally, Reset
 from mclcli.sensors.observation import Observation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping
 
     from mclcli.arrays import FloatArray
     from mclcli.filter.localizer import Localizer
     from mclcli.filter.recovery import Proposal
     from mclcli.filter.start import Start
     from mclcli.geometry.frames import TransformTree
-    from mclcli.records import StepRecord
-    from mclcli.sensors import Measurement
+    from mclcli.motion.odometry import Jump
     from mclcli.sensors.instruments import Instrument, Reading
 
 _GAP_NS = 1_000_000_000
 _JUMP_NS = 1_000_000_000  # time going back so far is a new segment; less is disorder
+_STEADY_NS = 1_000_000_000  # jumps that follow each other so fast are no resets
 _KEEP_NS = 2_000_000_000  # odometry older than this before the last reading is forgotten
 _ALWAYS = (-(2**63), 2**63 - 1)
 
@@ -45,7 +45,8 @@ class Setup:
     bounds the stamps of the readings used. ``transform_topics`` are needed to know the odometry or a moving mount.
     ``follow`` is a topic of poses that an operator states, or empty. ``scan_offset_ns`` is added to the stamps of laser
     scans. With ``deskew`` each beam is scored from where the base was at its own time. ``proposal`` says where a robot
-    that seems lost may be; without it no particle is drawn anew.
+    that seems lost may be; without it no particle is drawn anew. ``search`` places particles where the robot may be
+    anywhere once odometry was reset: ``start`` itself if that presupposes nothing; without it the filter goes on.
     """
 
     localizer: Localizer
@@ -63,6 +64,7 @@ class Setup:
     deskew: bool = False
     odometry_limits: OdometryParameters = field(default_factory=OdometryParameters)
     proposal: Proposal | None = None
+    search: Start | None = None
 
     @property
     def topics(self) -> set[str]:
@@ -74,53 +76,6 @@ class Setup:
         if not self.deskew or not isinstance(reading, LaserScan) or not sweeps_briefly(reading):
             return reading.stamp_ns
         return reading.stamp_ns + max(0, round((reading.ranges.size - 1) * reading.time_increment * 1e9))
-
-
-@final
-@dataclass(slots=True)
-class ReplayTally:
-    """What became of the readings (by topic) and of the odometry, and what was scored (by sensor)."""
-
-    used: Counter[str] = field(default_factory=Counter)
-    skipped: Counter[tuple[str, str]] = field(default_factory=Counter)
-    updates: int = 0
-    degenerate: int = 0
-    injected: int = 0
-    restarts: int = 0
-    segments: int = 1
-    distance: float = 0.0
-    odometry_gaps: int = 0
-    odometry_jumps: int = 0
-    longest_gap_ns: int = 0
-    scored: Counter[str] = field(default_factory=Counter)
-    unknown: Counter[str] = field(default_factory=Counter)
-    independent: dict[str, float] = field(default_factory=dict)
-    unreliable: int = 0
-    doubtful_ns: list[tuple[int, int]] = field(default_factory=list)
-    _doubting: bool = False
-
-    def take_update(self, record: StepRecord, measurements: Sequence[Measurement]) -> None:
-        """Count one update: by sensor the beams or sightings scored, those of unknown ids, and Σ α·K."""
-        self.updates += 1
-        self.degenerate += record.degenerate
-        self.injected += record.injected
-        for measurement, alpha in zip(measurements, record.alphas, strict=True):
-            name = measurement.sensor
-            self.scored[name] += measurement.count
-            self.unknown[name] += measurement.unknown
-            self.independent[name] = self.independent.get(name, 0.0) + alpha * measurement.count
-
-    def judge(self, record: StepRecord, *, lost: bool) -> None:
-        """Count an update at which the robot is probably lost; ``doubtful_ns`` are the spans of such updates."""
-        if not lost:
-            self._doubting = False
-            return
-        self.unreliable += 1
-        if self._doubting:
-            self.doubtful_ns[-1] = (self.doubtful_ns[-1][0], record.stamp_ns)
-        else:
-            self.doubtful_ns.append((record.stamp_ns, record.stamp_ns))
-        self._doubting = True
 
 
 class Item(NamedTuple):
@@ -136,15 +91,24 @@ class Item(NamedTuple):
 
 @final
 class Intake:
-    """One pass over a log. ``path`` and ``segment`` are those of the newest messages."""
+    """One pass over a log. ``path`` and ``segment`` are those of the newest messages.
+
+    ``reset`` is how the newest segment began, None where time jumped back; ``doubt`` the newest one of which what is
+    seen after it tells more. ``anew_in`` is the newest segment in which everything begins anew.
+    """
 
     def __init__(self, setup: Setup, tally: ReplayTally) -> None:
         self.path = OdometryPath(setup.odometry_limits)
         self.segment = 0
+        self.reset: Reset | None = None
+        self.doubt: Reset | None = None
+        self.anew_in = 0
         self._setup = setup
         self._tally = tally
         self._tree = setup.frames.replayed()
         self._first_odometry_ns: int | None = None
+        self._last_jump_ns = _ALWAYS[0]
+        self._odometry_frames = ("", "")
         self._used_until_ns = _ALWAYS[0]
         self._waiting: list[Item] = []
         self._arrivals = 0
@@ -172,6 +136,9 @@ class Intake:
             self._take_reading(topic, self._shifted(record))
         elif isinstance(record, StampedPose) and topic == self._setup.follow:
             self._take_reading(topic, record)
+        elif isinstance(record, NextLog):
+            self._begin_segment()
+            self._tally.further_logs += 1
 
     def ready(self) -> Iterator[Observation | StampedPose]:
         """What odometry has passed, in the order of stamps; what cannot be used is counted."""
@@ -210,7 +177,7 @@ class Intake:
         follows = self._setup.odometry == "tf"
         odom, base = self._setup.odom_frame, self._setup.base_frame
         if follows and any(self._goes_back(t.stamp_ns) for t in transforms if self._carries_odometry(t)):
-            self._begin_segment()
+            self._turn_back()
         for transform in transforms:
             self._tree.add(transform)
         stamp_ns = self._tree.latest_common(odom, base) if follows else None
@@ -227,17 +194,23 @@ class Intake:
 
     def _take_odometry(self, record: Odometry) -> None:
         if self._goes_back(record.stamp_ns):
-            self._begin_segment()
+            self._turn_back()
         pose = record.pose
         child = record.child_frame_id
         if child and child != self._setup.base_frame:
             child_from_base = self._tree.lookup(child, self._setup.base_frame, record.stamp_ns)
             if child_from_base is not None:
                 pose = se2.compose(pose, se3.to_planar(child_from_base))
-        self._append(record.stamp_ns, pose)
+        frames = record.frame_id, child
+        known, self._odometry_frames = self._odometry_frames, frames
+        self._append(record.stamp_ns, pose, record.pose, other_frame=frames != known)
 
     def _goes_back(self, stamp_ns: int) -> bool:
         return self.path.last_ns is not None and stamp_ns < self.path.last_ns - _JUMP_NS
+
+    def _turn_back(self) -> None:
+        self._tally.time_jumps += 1
+        self._begin_segment()
 
     def _begin_segment(self) -> None:
         """Leave the old time behind: what still waits in it has no odometry to come."""
@@ -245,21 +218,58 @@ class Intake:
         self.close()
         self.path = OdometryPath(self._setup.odometry_limits)
         self._tree = self._setup.frames.replayed()
-        self._first_odometry_ns, self._used_until_ns = None, _ALWAYS[0]
+        self._first_odometry_ns, self._used_until_ns, self._last_jump_ns = None, _ALWAYS[0], _ALWAYS[0]
         self.segment += 1
+        self.reset = self.doubt = None
+        self.anew_in = self.segment
         self._tally.segments += 1
         for topic, record in ahead:
             self._push(topic, record)
 
-    def _append(self, stamp_ns: int, pose: FloatArray) -> None:
-        last_ns, jumps = self.path.last_ns, self.path.jumps
-        if not self.path.append(stamp_ns, pose):
+    def _append(
+        self, stamp_ns: int, pose: FloatArray, stated: FloatArray | None = None, *, other_frame: bool = False
+    ) -> None:
+        last_ns = self.path.last_ns
+        in_gap = last_ns is not None and stamp_ns - last_ns > _GAP_NS
+        if not self.path.append(stamp_ns, pose, stated=stated, other_frame=other_frame and in_gap):
             return
-        self._tally.odometry_jumps += self.path.jumps - jumps
         self._first_odometry_ns = stamp_ns if self._first_odometry_ns is None else self._first_odometry_ns
-        if last_ns is not None and stamp_ns - last_ns > _GAP_NS:
+        if self.path.doubt is not None:
+            self.doubt = Reset(self.path.doubt, doubtful=True)
+        if self.path.jump is not None:
+            self._take_jump(self.path.jump)
+        elif last_ns is not None and in_gap:
             self._tally.odometry_gaps += 1
             self._tally.longest_gap_ns = max(self._tally.longest_gap_ns, stamp_ns - last_ns)
+
+    def _take_jump(self, jump: Jump) -> None:
+        """Begin a segment where the robot may have been carried.
+
+        Odometry that jumped just before is not reset: it means nothing.
+        """
+        self._tally.odometry_jumps += 1
+        steady = self._last_jump_ns < jump.after_ns - _STEADY_NS
+        self._last_jump_ns = jump.after_ns
+        if not steady:
+            return
+        reset = Reset(jump)
+        self._tally.resets.append(reset)
+        if not reset.divides:
+            self.doubt = reset
+            return
+        self._drop_before(jump.after_ns)
+        self.reset, self.doubt = reset, None
+        self.segment += 1
+        self._tally.segments += 1
+
+    def _drop_before(self, stamp_ns: int) -> None:
+        """Count what was seen while odometry was set back: nobody knows where from."""
+        kept = [item for item in self._waiting if item.stamp_ns >= stamp_ns]
+        for item in self._waiting:
+            if item.stamp_ns < stamp_ns:
+                self._tally.skipped[item.topic, "while odometry was set back"] += 1
+        self._waiting[:] = kept
+        heapq.heapify(self._waiting)
 
     def _shifted(self, reading: Reading) -> Reading:
         if not isinstance(reading, LaserScan) or not self._setup.scan_offset_ns:

@@ -5,37 +5,36 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
-import numpy as np
-
 from mclcli import rng
 from mclcli.filter import fit, particles
 from mclcli.filter.localizer import FilterState, initial_state
 from mclcli.filter.recovery import Situation
 from mclcli.filter.start import Opening, Patience, carried, spread_of
-from mclcli.geometry import se2, se3
+from mclcli.geometry import se2
 from mclcli.records import Estimate, LandmarkSightings, LaserScan, StampedPose, StepRecord, TrackPoint
-from mclcli.replay.intake import Intake, ReplayTally, Setup
-from mclcli.sensors.instruments import combine
+from mclcli.replay.intake import Intake, Setup
+from mclcli.replay.measuring import measure
+from mclcli.replay.tally import ReplayTally, Reset
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Sequence
+    from collections.abc import Iterable, Iterator
 
     from mclcli.arrays import FloatArray
     from mclcli.filter.recovery import Propose
     from mclcli.sensors import Measurement
-    from mclcli.sensors.beams import Sweep
-    from mclcli.sensors.instruments import Reading
     from mclcli.sensors.observation import Observation
 
 __all__ = ["ReplayTally", "Setup", "replay"]
 
 _LOOKED_BACK = 12  # updates that a search for a lost robot looks at
+_WATCHED = 5  # updates after doubtful odometry that say whether it was motion
 
 
 def replay(
@@ -70,6 +69,28 @@ class _Belief:
 
 
 @final
+@dataclass(frozen=True, slots=True)
+class _Update:
+    """What an update made of a belief, from what."""
+
+    state: FilterState
+    record: StepRecord
+    observations: tuple[Observation, ...]
+    measurements: list[Measurement]
+    increment: FloatArray
+
+
+@final
+@dataclass(slots=True)
+class _Watch:
+    """Odometry that was reset, or may have been, the belief before it, and the updates that are still to tell."""
+
+    reset: Reset
+    before: _Belief
+    left: int = _WATCHED
+
+
+@final
 class _Run:
     """The filter between two readings."""
 
@@ -78,6 +99,11 @@ class _Run:
         self._tally = tally
         self._intake = intake
         self._segment = 0
+        self._seen_segment = 0
+        self._start = setup.start
+        self._doubted: Reset | None = None
+        self._watch: _Watch | None = None
+        self._lost = False
         self._next_step = 0
         self._told: StampedPose | None = None
         self._held: list[Observation] = []
@@ -87,10 +113,11 @@ class _Run:
 
     def take(self, usable: Observation | StampedPose) -> Iterator[TrackPoint]:
         """Use one reading, or a pose that somebody gave: the next trigger begins anew around it."""
-        if self._intake.segment != self._segment:
-            yield from self.close()
-            self._segment, self._told = self._intake.segment, None
-            self._restart()
+        if self._intake.segment != self._seen_segment:
+            yield from self._begin_segment()
+        elif self._intake.doubt is not self._doubted:
+            self._doubted = self._intake.doubt
+            self._watch_out(self._doubted)
         if isinstance(usable, StampedPose):
             self._told = usable
             self._tally.restarts += 1
@@ -106,9 +133,44 @@ class _Run:
             self._tally.skipped[observation.topic, "before the start was found"] += 1
         self._held.clear()
 
+    def _begin_segment(self) -> Iterator[TrackPoint]:
+        """Begin as at the start, but where odometry was reset, search for the robot or go on."""
+        anew = self._intake.anew_in > self._seen_segment
+        self._segment += self._intake.segment - self._seen_segment
+        self._seen_segment, self._doubted = self._intake.segment, self._intake.doubt
+        reset = self._intake.reset
+        if anew or reset is None:
+            yield from self.close()
+            self._start, self._told = self._setup.start, None
+            self._restart()
+        elif self._searches(reset):
+            yield from self.close()
+            self._search(reset)
+        else:
+            self._watch_out(reset)
+
+    def _searches(self, reset: Reset) -> bool:
+        """Whether the robot is searched for at once: one that began anywhere and may have been carried, or is lost."""
+        search = self._setup.search
+        return search is not None and (self._lost or (reset.jump.in_gap and search is self._setup.start))
+
+    def _search(self, reset: Reset) -> None:
+        """Begin anew wherever the robot may be."""
+        assert self._setup.search is not None  # noqa: S101 - the callers asked
+        reset.searched = True
+        self._start, self._told = self._setup.search, None
+        self._restart()
+
+    def _watch_out(self, reset: Reset | None) -> None:
+        """Let the next updates tell whether the robot is where odometry, or standing still, has it."""
+        belief = self._belief
+        known = belief is not None and belief.estimate is not None and not self._lost
+        self._watch = _Watch(reset, belief) if reset is not None and belief is not None and known else None
+
     def _restart(self) -> None:
         """Forget where the robot was believed to be."""
-        self._belief = None
+        self._belief = self._watch = None
+        self._lost = False
         self._since_update.clear()
         self._astray.clear()
 
@@ -140,7 +202,7 @@ class _Run:
         localizer = self._setup.localizer
         n, draws = localizer.size.max_particles, rng.stream(localizer.seed, rng.Purpose.INITIALISE, self._next_step)
         if self._told is None:
-            return self._setup.start.place(opening, n, draws)
+            return self._start.place(opening, n, draws)
         pose = carried(self._told, opening.stamp_ns, opening.path)
         return particles.gaussian(pose, spread_of(self._told), n, draws)
 
@@ -148,16 +210,60 @@ class _Run:
         """Use one reading: the first instrument's trigger an update where the gate lets them, others wait for it."""
         belief = self._belief
         assert belief is not None  # noqa: S101 - the callers made one
-        self._tally.used[observation.topic] += 1
         if not self._intake.triggers(observation.topic):
+            self._tally.used[observation.topic] += 1
             self._since_update.append(observation)
             return
-        reading, record = observation.reading, None
+        record = None
         if self._is_due(belief, observation):
-            belief, record = self._update(belief, observation)
-            self._belief = belief
+            update = self._update(belief, observation)
+            if self._does_not_fit(update.record):
+                reset = self._told_by_scans()
+                if self._setup.search is not None:
+                    self._search(reset)
+                    yield from self._begin(observation)
+                    return
+                update = self._stood_still(update, observation)
+            belief, record = self._accept(update), update.record
+        self._tally.used[observation.topic] += 1
         yield self._point(belief, observation, record)
-        self._intake.forget(reading.stamp_ns)
+        self._intake.forget(observation.reading.stamp_ns)
+
+    def _does_not_fit(self, record: StepRecord) -> bool:
+        """Whether an update after doubtful odometry says that the robot is not there."""
+        watch = self._watch
+        if watch is None:
+            return False
+        if record.reliability < fit.PROBABLY_LOST:
+            return True
+        watch.left -= 1
+        self._watch = watch if watch.left else None
+        return False
+
+    def _told_by_scans(self) -> Reset:
+        """The reset that the watched odometry was: a segment begins if it did not yet."""
+        watch = self._watch
+        assert watch is not None  # noqa: S101 - an update did not fit
+        if watch.reset.doubtful:
+            self._tally.resets.append(watch.reset)
+        if not watch.reset.divides:
+            self._tally.segments += 1
+            self._segment += 1
+        return watch.reset
+
+    def _stood_still(self, update: _Update, observation: Observation) -> _Update:
+        """The update as if the robot had not moved in the gap, if that fits; without a search there is nothing else."""
+        watch, self._watch = self._watch, None
+        assert watch is not None  # noqa: S101 - an update did not fit
+        update = dataclasses.replace(update, record=dataclasses.replace(update.record, segment=self._segment))
+        jump, before, path = watch.reset.jump, watch.before, self._intake.path
+        first = before.state.step == update.record.step and observation.reading.stamp_ns >= jump.after_ns
+        if not watch.reset.doubtful or not first:
+            return update
+        moved = se2.between(before.odom_from_base, path.at(jump.before_ns))
+        odom = se2.compose(path.at(jump.after_ns), se2.inverse(moved))  # all but the step in doubt
+        other = self._update(dataclasses.replace(before, odom_from_base=odom), observation)
+        return other if other.record.reliability >= fit.PROBABLY_LOST else update
 
     def _is_due(self, belief: _Belief, observation: Observation) -> bool:
         if belief.estimate is None:
@@ -169,12 +275,12 @@ class _Run:
             return has_moved_on_an_axis(odom - before, p.update_min_d, p.update_min_a)
         return has_moved(se2.between(before, odom), p.update_min_d, p.update_min_a)
 
-    def _update(self, belief: _Belief, observation: Observation) -> tuple[_Belief, StepRecord]:
+    def _update(self, belief: _Belief, observation: Observation) -> _Update:
+        """What an update would make of a belief; nothing is changed yet."""
         odom = observation.odom_from_base
         increment = se2.between(belief.odom_from_base, odom)
         observations = (*self._since_update, observation)
-        self._since_update.clear()
-        measurements = self._measure(observations, odom)
+        measurements = measure(self._setup, self._intake.path, observations, odom)
         state, record = self._setup.localizer.step(
             belief.state,
             increment,
@@ -183,16 +289,23 @@ class _Run:
             self._segment,
             self._proposer(observations, odom),
         )
-        lost = record.reliability < fit.PROBABLY_LOST
-        if not lost:
+        return _Update(state, record, observations, measurements, increment)
+
+    def _accept(self, update: _Update) -> _Belief:
+        """Make an update the belief."""
+        record, increment = update.record, update.increment
+        self._since_update.clear()
+        self._lost = record.reliability < fit.PROBABLY_LOST
+        if not self._lost:
             self._astray.clear()
         elif self._setup.proposal is not None:
-            self._astray.append(observations)
-        self._next_step = state.step
-        self._tally.take_update(record, measurements)
-        self._tally.judge(record, lost=lost)
+            self._astray.append(update.observations)
+        self._next_step = update.state.step
+        self._tally.take_update(record, update.measurements)
+        self._tally.judge(record, lost=self._lost)
         self._tally.distance += math.hypot(increment[0], increment[1])
-        return _Belief(state, odom, record.estimate), record
+        self._belief = _Belief(update.state, update.observations[-1].odom_from_base, record.estimate)
+        return self._belief
 
     def _proposer(self, observations: tuple[Observation, ...], odom: FloatArray) -> Propose | None:
         """The proposal, told what this update has seen, and those just before it that did not fit either."""
@@ -201,29 +314,6 @@ class _Run:
             return None
         seen = (*itertools.chain(*self._astray), *observations)
         return lambda record, n, draws: proposal(Situation(record, seen, odom, path), n, draws)
-
-    def _measure(self, observations: Sequence[Observation], odom: FloatArray) -> list[Measurement]:
-        """One measurement per instrument; earlier readings are seen from where the base was at their stamps."""
-        parts: dict[str, list[Measurement]] = {topic: [] for topic in self._setup.instruments}
-        for observation in observations:
-            instrument, reading = self._setup.instruments[observation.topic], observation.reading
-            sweep = self._sweep(reading, odom)
-            if sweep is None:
-                now_from_then = se3.from_planar(se2.between(odom, observation.odom_from_base))
-                measured = instrument.measure(reading, now_from_then @ observation.base_from_sensor)
-            else:
-                measured = instrument.measure(reading, observation.base_from_sensor, sweep)
-            parts[observation.topic].append(measured)
-        return [combine(self._setup.instruments[topic], measured) for topic, measured in parts.items()]
-
-    def _sweep(self, reading: Reading, odom: FloatArray) -> Sweep | None:
-        """Where the base was at each beam of a scan, seen from the update's base; None if all count as at the stamp."""
-        if not isinstance(reading, LaserScan) or self._setup.until_ns(reading) == reading.stamp_ns:
-            return None
-        path, increment_ns = self._intake.path, reading.time_increment * 1e9
-        return lambda beams: se2.between(
-            odom, path.along(reading.stamp_ns + np.round(beams * increment_ns).astype(np.int64))
-        )
 
     def _point(self, belief: _Belief, observation: Observation, record: StepRecord | None) -> TrackPoint:
         """Where the robot is: the last estimate, carried on by odometry since."""

@@ -58,6 +58,7 @@ def prepare(
     deskew: bool = False,
     scan_offset_ns: int = 0,
     proposal: Proposal | None = None,
+    search: Start | None = None,
     backend: Backend | None = None,
 ) -> Setup:
     """Set a replay up: which topics take part, with which models.
@@ -95,6 +96,9 @@ def prepare(
         Added to the stamps of laser scans.
     proposal
         Where a robot that seems lost may be, unless parameter ``recovery`` is off; default: anywhere on the map.
+    search
+        Where the robot may be once odometry was reset; by default anywhere if it may start anywhere, else the filter
+        goes on where it was.
     backend
         What runs the loops; by default the size of the job chooses. The results are the same.
 
@@ -123,12 +127,13 @@ def prepare(
     check_mounts(survey, mounts or {})
     for topic in instruments:
         _check_mount(survey, roles, topic, mounts or {})
+    begin = WhenTold() if start is None and follow else _checked_start(start, grid)
     return Setup(
         localizer=Localizer(
             motion.build(settings.motion, backend), settings.filter, seed, settings.kld, settings.recovery, backend
         ),
         instruments=instruments,
-        start=WhenTold() if start is None and follow else _checked_start(start, grid),
+        start=begin,
         odometry=roles.odometry,
         odom_frame=roles.odom_frame,
         base_frame=roles.base_frame,
@@ -141,6 +146,7 @@ def prepare(
         deskew=deskew,
         odometry_limits=settings.odometry,
         proposal=_proposal(settings, grid, proposal),
+        search=begin if search is None and isinstance(begin, Anywhere) else search,
     )
 
 

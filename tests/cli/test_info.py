@@ -9,7 +9,18 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from ruamel.yaml import YAML
 
-from tests.cli.support import OFFICE, OFFICE_MAP, SAMPLES, Message, edited, mcl, single_error, without, write_mcap
+from tests.cli.support import (
+    OFFICE,
+    OFFICE_MAP,
+    SAMPLES,
+    START_NS,
+    Message,
+    edited,
+    mcl,
+    single_error,
+    without,
+    write_mcap,
+)
 from tests.data import shared
 
 if TYPE_CHECKING:
@@ -157,12 +168,32 @@ def test_a_scan_without_a_transform_comes_without_its_mount(office_messages: lis
     assert "base_from_sensor" not in json.loads(result.out).get("mcl", {})
 
 
-def test_a_time_without_a_message_is_answered_with_the_nearest_and_said_so(short: Path) -> None:
-    late = mcl("extract", short, "--at", 9999)
-    assert late.code == 0
-    assert "--at 9999: the nearest message is from " in late.err
-    assert "s before that" in late.err
-    assert "nearest" not in mcl("extract", short, "--at", 1).err
+@pytest.mark.parametrize(
+    ("topic", "at", "said"),
+    [
+        ("/scan", "9999", "from 0.062 to 11.938 s into the log"),
+        ("/scan", "12.2", "from 0.062 to 11.938 s into the log"),
+        ("/scan", "-1", "from 0.062 to 11.938 s into the log"),
+        ("/odom", "9999", "s into the log"),
+        ("/initialpose", "5", "the topic has one message, at "),
+    ],
+)
+def test_a_time_without_a_message_is_an_error_that_names_the_times_there_are(
+    short: Path, topic: str, at: str, said: str
+) -> None:
+    assert said in single_error(mcl("extract", short, "--topic", topic, "--at", at), 2)
+
+
+def test_a_time_within_two_periods_of_a_message_gets_that(short: Path) -> None:
+    last = mcl("extract", short, "--at", 12.1)
+    assert (last.code, last.err) == (0, "")
+    assert last.out == mcl("extract", short, "--at", 11.938).out
+
+
+def test_a_time_within_a_gap_is_an_error_that_names_the_gap(office_messages: list[Message], tmp_path: Path) -> None:
+    kept = [m for m in office_messages if not 3 * 10**9 < m.log_ns - START_NS < 6 * 10**9]
+    text = single_error(mcl("extract", write_mcap(tmp_path / "gap.mcap", kept), "--at", 4.5), 2)
+    assert "a gap there, from 2.938 to 6.062 s into the log" in text
 
 
 def test_messages_that_are_none(short: Path) -> None:

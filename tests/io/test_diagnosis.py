@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from mclcli.io.logs.base import Channel, RawMessage
+from mclcli.io.recording.clocks import Clocks
 from mclcli.io.recording.diagnosis import Diagnosis
 from tests.battery import content, drives, records
 from tests.battery.bases import base_logs, mcap_log
@@ -31,7 +32,7 @@ def problems(times: Sequence[float], lags: Sequence[float] | None = None) -> lis
         stamp = log_ns - round((lags[number % len(lags)] if lags else 0.0) * SECOND)
         data = b"\0\1\0\0" + struct.pack("<iI", stamp // SECOND, stamp % SECOND) + bytes(40)
         diagnosis.add(RawMessage(channel, log_ns, data))
-    return [text.removeprefix("/scan: ") for text in diagnosis.problems(START)]
+    return [text.removeprefix("/scan: ") for text in diagnosis.problems(Clocks(START))]
 
 
 BURSTS = [5.0 * n + 0.1 * k for n in range(6) for k in range(10)]
@@ -73,7 +74,7 @@ def test_stamps_are_read_from_every_kind_of_message(encoding: str) -> None:
         "/scan": (0.002, 0.002, 0.002),
         "/note": None,
     }
-    assert diagnosis.problems(content.START_NS) == []
+    assert diagnosis.problems(Clocks(content.START_NS)) == []
 
 
 def facts(folder: Path, name: str, data: bytes) -> Any:

@@ -16,6 +16,7 @@ from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Tally
 from mclcli.io.logs.mcap_index import read_index
 from mclcli.io.recording import roles, sampling
+from mclcli.io.recording.clocks import Clocks
 from mclcli.io.recording.diagnosis import Diagnosis
 from mclcli.io.recording.recording import Recording
 from tests.cli.support import OFFICE, SAMPLES, mcl
@@ -55,7 +56,7 @@ def test_a_sample_says_what_the_whole_log_says(name: str) -> None:
             assert getattr(ours, field) == getattr(theirs, field), (topic, field)
         assert quick.times(topic).interval == deep.times(topic).interval
     assert found.survey.frames.frames == whole.survey.frames.frames
-    assert quick.problems(0) == deep.problems(0)
+    assert quick.problems(Clocks(0)) == deep.problems(Clocks(0))
     assert not found.tally.lossy
 
 
@@ -155,7 +156,7 @@ def test_what_a_sample_says_of_stamps_is_said_of_the_sample() -> None:
         if number % 10 == 0:
             stamp = bytes(8) if number else message.data[4:12]
             diagnosis.add(message._replace(data=message.data[:4] + stamp + message.data[12:]))
-    assert "/scan: 94 messages are not stamped (0)" in diagnosis.problems(0)
+    assert "/scan: 94 messages are not stamped (0)" in diagnosis.problems(Clocks(0))
     diagnosis.count_all("/scan", np.arange(950) * 125_000_000)
     assert diagnosis.times("/scan").interval == 0.125
-    assert "/scan: 94 of the messages read are not stamped (0)" in diagnosis.problems(0)
+    assert "/scan: 94 of the messages read are not stamped (0)" in diagnosis.problems(Clocks(0))

@@ -144,7 +144,8 @@ def _setup(
 
 def _moments(recording: Recording, setup: Setup, window_ns: int) -> Iterator[Moment]:
     """Every scan of the first lidar, after all that was seen within the window before it."""
-    from mclcli.replay.intake import Intake, ReplayTally
+    from mclcli.replay.intake import Intake
+    from mclcli.replay.tally import ReplayTally
 
     intake = Intake(setup, ReplayTally())
     seen: deque[Observation] = deque()

@@ -38,6 +38,7 @@ def command(options: RunOptions) -> ExitCode:
 
     With no output named, the track goes to stdout as CSV unless that is a terminal.
     """
+    from mclcli.cli import console
     from mclcli.cli.chosen import choose_settings
     from mclcli.cli.run import report
     from mclcli.cli.run.outputs import Outputs
@@ -49,6 +50,8 @@ def command(options: RunOptions) -> ExitCode:
     began = time.perf_counter()
     chosen = choose_settings(options.parameters, {}, _from_flags(options))
     settings, recording = chosen.settings, _open(options)
+    for strand in recording.strands[1:]:
+        console.warn(f"{strand.why}: a segment of its own, in which the filter begins anew")
     parts = _assign_roles(options, recording, chosen)
     frame = _frame_of_map(recording, parts, chosen)
     told = operator_poses(recording, frame) if options.follow_initialpose else None
@@ -177,7 +180,7 @@ def _set_up(
     else:
         start = read_start(options.init, recording, parts.base_frame, frame)
     anywhere = start is None and options.init != "uniform" and not options.follow_initialpose
-    start, proposal = search_for(chosen.settings, grid, landmarks, parts, start, anywhere=anywhere)
+    start, proposal, search = search_for(chosen.settings, grid, landmarks, parts, start, anywhere=anywhere)
     setup = assemble.prepare(
         recording.survey,
         parts,
@@ -186,6 +189,7 @@ def _set_up(
         settings=chosen.settings,
         start=start,
         proposal=proposal,
+        search=search,
         follow=told.topic if told else "",
         deskew=options.deskew,
         scan_offset_ns=options.scan_offset_ns,

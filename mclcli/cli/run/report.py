@@ -33,15 +33,14 @@ _REDRAW_S = 0.1
 @contextmanager
 def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
     """Live progress on stderr while it is a terminal: percent of the log, × real time, ESS, pose."""
-    span = recording.survey.span_ns
-    if span is None or not console.is_live():
+    if recording.survey.span_ns is None or not console.is_live():
         yield lambda _: None
         return
     from rich.live import Live
     from rich.text import Text
 
     began = time.perf_counter()
-    first_ns, last_ns = span
+    first_ns, last_ns = recording.first_ns, recording.last_ns
     drawn = 0.0
     ess = ""
     with Live(console=console.stderr(), transient=True, auto_refresh=False) as live:
@@ -55,11 +54,8 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
                 return
             drawn = now
             part = (point.stamp_ns - first_ns) * 1e-9
-            share = (
-                f"{100 * (point.stamp_ns - first_ns) / max(last_ns - first_ns, 1):3.0f} %  "
-                if recording.log.seekable
-                else ""
-            )
+            done = min(1.0, (point.stamp_ns - first_ns) / max(last_ns - first_ns, 1))
+            share = f"{100 * done:3.0f} %  " if recording.log.seekable else ""
             x, y, yaw = point.estimate.pose
             speed = part / max(now - began, 1e-9)
             pose = f"x {x:.2f} m  y {y:.2f} m  yaw {np.degrees(yaw):.0f}°"
@@ -87,7 +83,13 @@ def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Tra
             f"odometry {clean(setup.odometry)}: {tally.odometry_gaps} gaps over 1 s, the longest "
             f"{tally.longest_gap_ns * 1e-9:.1f} s; interpolated"
         )
-    return lines + _events_of(setup, tally) + _doubts(recording, tally) + _unread(recording)
+    return (
+        lines
+        + _resets(recording, setup, tally)
+        + _events_of(setup, tally)
+        + _doubts(recording, tally)
+        + _unread(recording)
+    )
 
 
 def _doubts(recording: Recording, tally: ReplayTally) -> list[str]:
@@ -100,11 +102,31 @@ def _doubts(recording: Recording, tally: ReplayTally) -> list[str]:
     return [f"probably lost, or off the map, at {share}, longest from {begin:.1f} to {end:.1f} s of the log"]
 
 
+def _resets(recording: Recording, setup: Setup, tally: ReplayTally) -> list[str]:
+    """Where odometry was set back or jumped, and what was done: the first time in full."""
+    more = tally.odometry_jumps - sum(not reset.doubtful for reset in tally.resets)
+    lines = [f"odometry {clean(setup.odometry)}: {more} more jumps, taken for no motion"] * bool(more)
+    if not tally.resets:
+        return lines
+    first, again = tally.resets[0], len(tally.resets) - 1
+    jump, name = first.jump, f"odometry {clean(setup.odometry)}"
+    far = f"{jump.moved:.1f} m" if jump.moved >= 0.1 else f"{np.degrees(jump.turned):.0f}°"
+    gap = f" in a gap of {jump.seconds:.1f} s" if jump.in_gap else ""
+    where = f"{name} jumps by {far}{gap} at {(jump.before_ns - recording.first_ns) * 1e-9:.1f} s of the log"
+    why = "reset, or the robot was carried: what is seen after it does not fit" if first.doubtful else "reset"
+    done = "the robot was searched for again" if first.searched else "the filter went on from where it was"
+    hint = "" if first.searched or setup.search is not None else " (--init global or --recovery locate search again)"
+    return [
+        f"{where} ({why}); {done}{hint}",
+        *([f"{name} jumps {_times(again)} more, resets too"] * bool(again)),
+        *lines,
+    ]
+
+
 def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
-    """What happened that a user should know of."""
-    jumps, again, back = tally.odometry_jumps, tally.restarts, tally.segments - 1
+    """What else happened that a user should know of."""
+    again, back = tally.restarts, tally.time_jumps
     told = {
-        f"odometry {clean(setup.odometry)}: {_times(jumps)} it jumped; taken for resets, not for motion": jumps,
         f"{clean(setup.follow)}: the filter began anew {_times(again)}, at each of its poses": again,
         f"time jumped back {_times(back)}; the filter began anew in each segment": back,
         f"{tally.injected} particles drawn anew": tally.injected,

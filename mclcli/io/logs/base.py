@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, final
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-
 LARGE = 1 << 24
 """Messages from this size on [bytes] are views of their chunk, so that they are in memory once."""
+_OVERLAP_NS = 10**9
+_SENSORS = frozenset({"sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry"})
 
 
 @final
@@ -198,12 +199,46 @@ class Container(Protocol):
 
 @final
 @dataclass(slots=True)
+class Span:
+    """First and last log time of the scans and odometry of a log, and their ``topics``.
+
+    ``argument`` counts what the user named, a folder's files being one; ``name`` is that of its first file.
+    """
+
+    name: str
+    argument: int
+    first_ns: int = 0
+    last_ns: int = 0
+    topics: set[str] = field(default_factory=set)
+
+    def watch(self, items: Iterator[Item]) -> Iterator[Item]:
+        """The items themselves, each taken in on the way."""
+        for item in items:
+            if isinstance(item, RawMessage) and item.channel.type in _SENSORS:
+                self.take(item.channel.topic, item.log_time_ns)
+            yield item
+
+    def take(self, topic: str, time_ns: int) -> None:
+        """Take one message in."""
+        if not self.topics:
+            self.first_ns = self.last_ns = time_ns
+        self.first_ns, self.last_ns = min(self.first_ns, time_ns), max(self.last_ns, time_ns)
+        self.topics.add(topic)
+
+    def together(self, other: Span) -> set[str]:
+        """Topics that both recorded at the same time: not one drive, whatever their names."""
+        shared_ns = min(self.last_ns, other.last_ns) - max(self.first_ns, other.first_ns)
+        return self.topics & other.topics if shared_ns > _OVERLAP_NS else set()
+
+
+@final
+@dataclass(slots=True)
 class Tally:
     """What became of every message of a log; filled while the log is read (the one mutable thing here).
 
     ``read`` counts messages handed out, by topic; ``skipped`` those that were not used, by topic and reason; ``notes``
     what was changed or left out in messages that were used. ``first_ns``/``last_ns`` span all messages seen so far,
-    wanted or not.
+    wanted or not; ``spans`` those of each of several files.
     """
 
     read: dict[str, int] = field(default_factory=dict)
@@ -215,6 +250,7 @@ class Tally:
     first_ns: int | None = None
     last_ns: int | None = None
     undecodable: int = 0
+    spans: list[Span] = field(default_factory=list)
 
     @property
     def lossy(self) -> bool:

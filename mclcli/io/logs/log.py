@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import hashlib
 import logging
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError
-from mclcli.io.logs.base import Channel, Damage, FileFacts, PassedOver, RawMessage, Wish
+from mclcli.io.logs.base import Channel, Damage, FileFacts, PassedOver, RawMessage, Span, Wish
 from mclcli.io.logs.inflate import ZSTD, Budget, CorruptError, inflate_frame
 from mclcli.io.logs.merge import merge
 from mclcli.io.logs.reorder import reorder
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Collection, Iterator
     from pathlib import Path
 
     from mclcli.io.logs.base import Beside, Container, Guess, Tally
@@ -35,13 +35,14 @@ class Log:
     """Files that make up one log. ``seekable`` logs can be read again and again, streamed ones once.
 
     ``names`` are for messages to the user; ``paths`` the files read, empty for a stream; ``missing`` what was already
-    found wrong when the log was opened.
+    found wrong when the log was opened; ``arguments`` tell of which of the things that the user named each file is.
     """
 
     containers: tuple[Container, ...]
     paths: tuple[Path, ...]
     seekable: bool
     missing: tuple[Damage, ...] = ()
+    arguments: tuple[int, ...] = ()
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -57,28 +58,43 @@ class Log:
         announce: bool = True,
         beside: Callable[[Beside], None] | None = None,
         guess: Guess | None = None,
+        origin: Callable[[], int | None] = lambda: None,
     ) -> Iterator[RawMessage]:
         """Messages of the wanted topics (None: of all), from the start, in order of log time, ties in file order.
 
         ``tally`` is filled meanwhile, and each damage is warned of unless ``announce`` is off (a second reading).
         ``beside`` is given what stands beside the messages, where it comes; ``guess`` names channels of which the
-        file says nothing (see ``Wish``). Messages that rosbag2 compressed one by one are unpacked.
+        file says nothing (see ``Wish``). Messages that rosbag2 compressed one by one are unpacked. Damage is told in
+        seconds after the log time that ``origin`` gives, None for the first message's.
         Raises InputError at the first damage if ``strict``, when the file cannot be read at all, and when a stream is
         read a second time.
         """
         wish = Wish(None if wanted_topics is None else _in(wanted_topics), beside is not None, guess)
-        intake = _Intake(tally, strict, announce, beside)
+        intake = _Intake(tally, strict, announce, beside, origin)
         for damage in self.missing:
             intake.damage(damage)
-        read = tally.read
-        for message in merge(
-            self.containers,
-            lambda container: reorder(intake.messages(container, wish), intake.late),
-            seekable=self.seekable,
-        ):
+        read, several = tally.read, len(set(self.arguments)) > 1
+        of = {id(container): number for container, number in zip(self.containers, self.arguments, strict=False)}
+
+        def read_one(container: Container) -> Iterator[RawMessage]:
+            span = Span(container.source, of[id(container)]) if several else None
+            return reorder(intake.messages(container, wish, span), intake.late)
+
+        for message in merge(self.containers, read_one, seekable=self.seekable):
             topic = message.channel.topic
             read[topic] = read.get(topic, 0) + 1
             yield message
+
+    def part(self, arguments: Collection[int]) -> Log:
+        """The log of only some of the things that the user named."""
+        kept = [number for number, argument in enumerate(self.arguments) if argument in arguments]
+        return replace(
+            self,
+            containers=tuple(self.containers[number] for number in kept),
+            paths=tuple(self.paths[number] for number in kept),
+            missing=(),
+            arguments=tuple(self.arguments[number] for number in kept),
+        )
 
     def digest(self) -> str:
         """SHA-256 over the contents of the files, one after the other (as ``cat FILES | sha256sum``); '' for a stream.
@@ -107,14 +123,19 @@ class _Intake:
     strict: bool
     announce: bool
     beside: Callable[[Beside], None] | None
+    origin: Callable[[], int | None]
     told_late: bool = False
     channels: set[Channel] = field(default_factory=set)
 
-    def messages(self, container: Container, wish: Wish) -> Iterator[RawMessage]:
-        """Messages of one container."""
+    def messages(self, container: Container, wish: Wish, span: Span | None) -> Iterator[RawMessage]:
+        """Messages of one container; their ``span`` goes into the tally."""
         tally, budget = self.tally, Budget()
+        items = container.items(wish)
+        if span is not None:
+            tally.spans.append(span)
+            items = span.watch(items)
         try:
-            for item in container.items(wish):
+            for item in items:
                 if isinstance(item, RawMessage):
                     tally.saw(item.log_time_ns, item.log_time_ns)
                     if item.data[:1] == _FIRST and item.data[:4] == ZSTD and item.channel.encoding == "cdr":
@@ -154,7 +175,9 @@ class _Intake:
 
     def damage(self, damage: Damage) -> None:
         """Count, and warn or stop."""
-        origin = min((ns for ns in (self.tally.first_ns, damage.first_ns) if ns is not None), default=None)
+        origin = self.origin()
+        if origin is None:
+            origin = min((ns for ns in (self.tally.first_ns, damage.first_ns) if ns is not None), default=None)
         text = damage.describe(origin)
         if self.strict:
             raise InputError(f"{text}; leave --strict out to use the rest")

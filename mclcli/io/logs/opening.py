@@ -48,7 +48,8 @@ def _open_files(paths: list[Path]) -> Log:
     files: list[Path] = []
     missing: list[Damage] = []
     counts: dict[Path, int] = {}
-    for path in paths:
+    arguments: list[int] = []
+    for number, path in enumerate(paths):
         if not path.exists():
             raise UsageError(f"{path}: no such file; check the name")
         if path.is_dir():
@@ -60,11 +61,12 @@ def _open_files(paths: list[Path]) -> Log:
             counts |= {file: count for file in found if (count := counts_of(path).get(file.name.removesuffix(".zstd")))}
         else:
             files.append(path)
+        arguments += [number] * (len(files) - len(arguments))
     seekable = all(path.is_file() for path in files)
     containers = tuple(
         _file(path, counts.get(path)) if path.is_file() else _stream(path.name, path.open("rb")) for path in files
     )
-    return Log(containers, tuple(files), seekable, tuple(missing))
+    return Log(containers, tuple(files), seekable, tuple(missing), tuple(arguments))
 
 
 def _file(path: Path, counted: int | None) -> Container:

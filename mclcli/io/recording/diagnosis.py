@@ -5,28 +5,28 @@ Collected message by message beside the survey, for ``mcl info``.
 
 from __future__ import annotations
 
-import struct
 from array import array
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 import numpy as np
 
+from mclcli.io.recording.clocks import CALENDAR_NS, Clocks
+from mclcli.io.recording.stamps import SECOND, place_of_stamp
 from mclcli.text import clean
 
 if TYPE_CHECKING:
+    import struct
     from collections.abc import Iterable, Iterator
 
     from mclcli.arrays import BoolArray, IntArray
     from mclcli.geometry.frames import TransformTree
-    from mclcli.io.logs.base import Channel, RawMessage
+    from mclcli.io.logs.base import RawMessage
 
-SECOND = 1_000_000_000
 GAP = 5.0
 """A pause is a gap if it lasts over a second and so many times the topic's median interval."""
 TOLD = 3
 """Gaps and jumps of a topic that are told one by one."""
-_TRANSFORMS = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
 
 
 @final
@@ -45,6 +45,7 @@ class Times:
 
     ``interval`` is the median of the times between messages [s], None below two. ``lag`` are median, least and greatest
     of log time − header stamp [s], None where there are no stamps. ``zero_stamps`` counts headers that are not stamped.
+    ``simulated``: most stamps are of no calendar.
     """
 
     interval: float | None
@@ -53,6 +54,7 @@ class Times:
     stamp_jumps: tuple[Event, ...]
     lag: tuple[float, float, float] | None
     zero_stamps: int
+    simulated: bool
 
 
 @final
@@ -85,7 +87,7 @@ class Diagnosis:
         channel, log_ns, data = message[:3]
         topic = self.topics.get(channel.topic)
         if topic is None:
-            topic = self.topics[channel.topic] = _Topic(*_layout(channel, data))
+            topic = self.topics[channel.topic] = _Topic(*place_of_stamp(channel, data))
         topic.logged.append(log_ns)
         if topic.layout is not None and len(data) >= topic.at + 8:
             seconds, rest = topic.layout.unpack_from(data, topic.at)
@@ -113,14 +115,15 @@ class Diagnosis:
             _jumps(stamped[stamped != 0]),
             None if lag is None else (lag[0] / SECOND, lag[1] / SECOND, lag[2] / SECOND),
             int((stamped == 0).sum()),
+            bool(np.median(stamped[stamped != 0]) < CALENDAR_NS) if lags.size else False,
         )
 
-    def problems(self, origin_ns: int) -> list[str]:
-        """One line for each thing that is odd, times in seconds after ``origin_ns``."""
+    def problems(self, clocks: Clocks) -> list[str]:
+        """One line for each thing that is odd, times in seconds into the log; what all stamps share is none."""
         return [
             f"{clean(name)}: {what}"
             for name in sorted(self.topics)
-            for what in _oddities(self.times(name), origin_ns, " of the messages read" if name in self.indexed else "")
+            for what in _oddities(self.times(name), clocks, " of the messages read" if name in self.indexed else "")
         ]
 
 
@@ -132,23 +135,6 @@ def loose_frames(tree: TransformTree) -> list[str]:
     return [f"frames: {len(roots)} trees that nothing connects, with roots {', '.join(map(clean, roots))}"]
 
 
-def _layout(channel: Channel, data: bytes) -> tuple[struct.Struct | None, int]:
-    """Form and place of the first stamp in the messages of a channel, from its type and its first message."""
-    from mclcli.io.messages.definitions import begins_with_header
-
-    array_first = channel.type in _TRANSFORMS
-    if channel.topic.endswith("tf_static"):  # holds at all times: its stamps say nothing
-        return None, 0
-    if not array_first and not begins_with_header(channel):
-        return None, 0
-    if channel.encoding == "ros1":  # a count of transforms, then seq, then the stamp
-        return struct.Struct("<II"), 8 if array_first else 4
-    if data[:2] not in {b"\0\0", b"\0\1"}:  # no plain CDR: what stands at that place is no stamp
-        return None, 0
-    order = "<" if data[1:2] == b"\1" else ">"
-    return struct.Struct(f"{order}iI"), 8 if array_first else 4
-
-
 def _events(times: IntArray, steps: IntArray, which: BoolArray) -> tuple[Event, ...]:
     return tuple(Event(int(times[i]), abs(int(steps[i])) / SECOND) for i in np.flatnonzero(which))
 
@@ -158,20 +144,29 @@ def _jumps(stamps: IntArray) -> tuple[Event, ...]:
     return _events(stamps, steps, steps < -SECOND)
 
 
-def _oddities(times: Times, origin_ns: int, seen: str) -> Iterator[str]:
+def _oddities(times: Times, clocks: Clocks, seen: str) -> Iterator[str]:
     """What is odd about one topic; ``seen`` qualifies what is known of some messages only."""
-    yield from _told("gap of", "more gaps over 1 s", times.gaps, origin_ns)
-    yield from _told("log time jumps back by", "more such jumps", times.jumps, origin_ns)
+    logged_ns, stamped_ns = clocks.first_logged_ns, clocks.first_ns
+    yield from _told("gap of", "more gaps over 1 s", times.gaps, logged_ns)
+    yield from _told("log time jumps back by", "more such jumps", times.jumps, logged_ns)
     if not times.jumps:
-        yield from _told(f"stamps{seen} jump back by", "more such jumps", times.stamp_jumps, origin_ns)
+        yield from _told(f"stamps{seen} jump back by", "more such jumps", times.stamp_jumps, stamped_ns)
     if times.zero_stamps:
         yield f"{times.zero_stamps}{seen or ' messages'} are not stamped (0)"
     if times.lag is not None:
-        middle, least, greatest = times.lag
-        if abs(middle) > 1.0:
-            yield f"stamps{seen} are {abs(middle):.1f} s {'before' if middle > 0 else 'after'} log time (median)"
-        elif greatest - least > 1.0:
-            yield f"stamps{seen} are between {-greatest:+.1f} s and {-least:+.1f} s of log time"
+        yield from _lag(times.lag, clocks, seen, simulated=times.simulated)
+
+
+def _lag(lag: tuple[float, float, float], clocks: Clocks, seen: str, *, simulated: bool) -> Iterator[str]:
+    """Stamps that are off what all share; simulated time may also run slower or faster than the recorder's."""
+    if clocks.offset_ns and clocks.simulated and simulated:
+        return
+    middle, least, greatest = (value - clocks.offset_ns / SECOND for value in lag)
+    others = "those of other topics" if clocks.offset_ns else "log time"
+    if abs(middle) > 1.0:
+        yield f"stamps{seen} are {abs(middle):.1f} s {'before' if middle > 0 else 'after'} {others} (median)"
+    elif greatest - least > 1.0:
+        yield f"stamps{seen} are between {-greatest:+.1f} s and {-least:+.1f} s of {others}"
 
 
 def _told(what: str, more: str, events: tuple[Event, ...], origin_ns: int) -> Iterator[str]:

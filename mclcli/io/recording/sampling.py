@@ -12,6 +12,7 @@ import numpy as np
 from mclcli.io.logs.base import Damage, FileFacts, Tally
 from mclcli.io.logs.inflate import CorruptError
 from mclcli.io.logs.log import unreadable
+from mclcli.io.recording.clocks import Clocks, clocks_of
 from mclcli.io.recording.survey import LogSurvey, TopicSurvey
 
 if TYPE_CHECKING:
@@ -37,6 +38,11 @@ class SampledLog:
     log: Log
     survey: LogSurvey = field(default_factory=LogSurvey)
     tally: Tally = field(default_factory=Tally)
+
+    @property
+    def clocks(self) -> Clocks:
+        """Clocks of stamps and log times."""
+        return clocks_of(self.survey)
 
 
 def sample(log: Log, diagnosis: Diagnosis, above: int = LARGE) -> SampledLog | None:

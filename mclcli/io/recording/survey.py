@@ -10,8 +10,10 @@ import numpy as np
 from mclcli.geometry.frames import TransformTree
 from mclcli.io.logs.base import RawMessage
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
+from mclcli.io.messages.sightings import types_with
 from mclcli.io.recording import transforms
 from mclcli.io.recording.samples import EvenSample
+from mclcli.io.recording.stamps import TRANSFORMS, stamp_in
 from mclcli.io.recording.transforms import TransformSurvey
 
 if TYPE_CHECKING:
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 _KEPT = {"nav_msgs/msg/Odometry": (3, 64), "sensor_msgs/msg/LaserScan": (1, 48)}
 """Of which types a sample is kept: messages that follow each other, and how many such runs."""
+_SENSORS = frozenset({"sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", *types_with("rays"), *types_with("pixels")})
 
 
 @final
@@ -30,8 +33,10 @@ _KEPT = {"nav_msgs/msg/Odometry": (3, 64), "sensor_msgs/msg/LaserScan": (1, 48)}
 class TopicSurvey:
     """One topic: its messages counted, the first one decoded (``sample``), or why that cannot be (``problem``).
 
-    ``first_ns``, ``last_ns`` and ``longest_gap_ns`` are log times. Of odometry and scans ``kept`` has some messages,
-    evenly spread, as they are recorded.
+    ``first_ns``, ``last_ns`` and ``longest_gap_ns`` are log times. ``first_stamp_ns`` is the first stamp but 0 of
+    scans, odometry, sightings and moving transforms (``tells_time``), None while none came (``awaits_stamp``);
+    ``offset_ns`` is its log time − itself. Of odometry and scans ``kept`` has some messages, evenly spread, as they are
+    recorded.
     """
 
     channel: Channel
@@ -42,8 +47,15 @@ class TopicSurvey:
     sample: object | None = None
     problem: str = ""
     kept: EvenSample[RawMessage] | None = None
+    first_stamp_ns: int | None = None
+    offset_ns: int = 0
+    tells_time: bool = field(init=False)
+    awaits_stamp: bool = field(init=False)
 
     def __post_init__(self) -> None:
+        static = self.channel.topic.endswith("tf_static")
+        self.tells_time = self.channel.type in _SENSORS or (self.carries_transforms and not static)
+        self.awaits_stamp = self.tells_time
         if self.channel.type in _KEPT:
             self.kept = EvenSample(*_KEPT[self.channel.type])
 
@@ -53,10 +65,21 @@ class TopicSurvey:
         return [[record for record in run if not isinstance(record, Undecodable)] for run in runs]
 
     @property
+    def carries_transforms(self) -> bool:
+        """Whether its messages are transforms."""
+        return self.channel.type in TRANSFORMS
+
+    @property
     def rate(self) -> float | None:
         """Messages per second, None below two messages."""
         span_ns = self.last_ns - self.first_ns
         return (self.count - 1) / (span_ns * 1e-9) if span_ns > 0 else None
+
+    def see_stamp(self, message: RawMessage) -> None:
+        """Take the first stamp from one of its messages, if that is stamped."""
+        self.first_stamp_ns = stamp_in(message)
+        self.offset_ns = message.log_time_ns - (self.first_stamp_ns or 0)
+        self.awaits_stamp = not self.first_stamp_ns
 
     def count_one(self, log_time_ns: int) -> None:
         """Take one message's time in."""
@@ -136,8 +159,10 @@ class LogSurvey:
         if topic is None:
             topic = self.topics[channel.topic] = TopicSurvey(channel)
         topic.count_one(message.log_time_ns)
-        if channel.type in transforms.TYPES or (topic.sample is None and channel.type in DECODABLE):
+        if channel.type in TRANSFORMS or (topic.sample is None and channel.type in DECODABLE):
             self._decode(topic, message)
+        if topic.awaits_stamp and topic.sample is not None:
+            topic.see_stamp(message)
         if topic.kept is not None and topic.kept.wants():
             topic.kept.keep(RawMessage(channel, message.log_time_ns, bytes(message.data), *message[3:]))
 
@@ -151,9 +176,9 @@ class LogSurvey:
             self.of_transforms(topic.channel.topic).add(topic.channel.topic, record)
 
 
-def survey_log(messages: Iterable[RawMessage]) -> LogSurvey:
-    """Look through these messages."""
-    result = LogSurvey()
+def survey_log(messages: Iterable[RawMessage], result: LogSurvey | None = None) -> LogSurvey:
+    """Look through these messages; ``result`` is the survey that takes them in, a new one by default."""
+    result = LogSurvey() if result is None else result
     for message in messages:
         result.add(message)
     return result

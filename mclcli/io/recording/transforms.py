@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from mclcli.records import Transform
 
-TYPES = frozenset({"tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"})
-"""Messages of transforms."""
 RUNS = 64
 """Runs of three transforms that are kept of each moving edge."""
 

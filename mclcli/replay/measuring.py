@@ -1,0 +1,52 @@
+"""What was seen since the last update, as measurements from where the robot is now."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from mclcli.geometry import se2, se3
+from mclcli.records import LaserScan
+from mclcli.sensors.instruments import combine
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mclcli.arrays import FloatArray
+    from mclcli.motion.odometry import OdometryPath
+    from mclcli.replay.intake import Setup
+    from mclcli.sensors import Measurement
+    from mclcli.sensors.beams import Sweep
+    from mclcli.sensors.instruments import Reading
+    from mclcli.sensors.observation import Observation
+
+
+def measure(
+    setup: Setup, path: OdometryPath, observations: Sequence[Observation], odom: FloatArray
+) -> list[Measurement]:
+    """One measurement per instrument; earlier readings are seen from where the base was at their stamps.
+
+    ``odom`` (3,) is the odometry now.
+    """
+    parts: dict[str, list[Measurement]] = {topic: [] for topic in setup.instruments}
+    for observation in observations:
+        instrument, reading = setup.instruments[observation.topic], observation.reading
+        sweep = _sweep(setup, path, reading, odom)
+        if sweep is None:
+            now_from_then = se3.from_planar(se2.between(odom, observation.odom_from_base))
+            measured = instrument.measure(reading, now_from_then @ observation.base_from_sensor)
+        else:
+            measured = instrument.measure(reading, observation.base_from_sensor, sweep)
+        parts[observation.topic].append(measured)
+    return [combine(setup.instruments[topic], measured) for topic, measured in parts.items()]
+
+
+def _sweep(setup: Setup, path: OdometryPath, reading: Reading, odom: FloatArray) -> Sweep | None:
+    """Where the base was at each beam of a scan, seen from the update's base; None if all count as at the stamp."""
+    if not isinstance(reading, LaserScan) or setup.until_ns(reading) == reading.stamp_ns:
+        return None
+    increment_ns = reading.time_increment * 1e9
+    return lambda beams: se2.between(
+        odom, path.along(reading.stamp_ns + np.round(beams * increment_ns).astype(np.int64))
+    )
