@@ -13,8 +13,9 @@ from mclcli.errors import InputError, UsageError
 from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Channel, RawMessage, Tally
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
-from mclcli.io.messages.definitions import begins_with_header, definition_of, parse_definition
-from mclcli.io.messages.parsing import parser_for, to_plain
+from mclcli.io.messages.definition_parsing import parse_definition
+from mclcli.io.messages.definitions import begins_with_header, definition_of
+from mclcli.io.messages.parsing import NOT_PARSED, parser_for, to_plain
 from tests.fuzz import small_logs
 from tests.fuzz.engine import Target
 from tests.io import ros_messages
@@ -75,7 +76,7 @@ def message(data: bytes) -> None:
         with contextlib.suppress(Exception):  # rosbags' own errors; decode() makes the best of them
             parsed = not isinstance(parse(raw.data), Undecodable)
     result = decode(raw)
-    if parsed and isinstance(result, Undecodable) and result.reason == "it does not parse":
+    if parsed and isinstance(result, Undecodable) and result.reason == NOT_PARSED:
         raise AssertionError(f"{kind} in {encoding} parses, and does not convert")
     to_plain(raw)
 
