@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import Counter
 from typing import TYPE_CHECKING
 
 import click
@@ -57,7 +58,7 @@ def command(options: RunOptions) -> ExitCode:
             for point in replay(events, setup, tally):
                 outputs.write(point)
                 show(point)
-        _require_updates(tally, setup)
+        _require_updates(tally, setup, recording)
     summary = report.summarise(recording, setup, tally, outputs.track, time.perf_counter() - began)
     report.show(summary)
     findings = references.findings(outputs.track)
@@ -168,6 +169,8 @@ def _find_map(options: RunOptions, recording: Recording, parts: Roles) -> Occupa
     grid = recording.survey.topics[parts.map].sample
     assert isinstance(grid, OccupancyGrid)  # noqa: S101 - roles go by type
     console.remark(f"map: from the log's topic {parts.map}")
+    for what in recording.survey.tally.notes.get(parts.map, {}):
+        console.remark(f"{parts.map}: {what}")
     return grid
 
 
@@ -187,9 +190,11 @@ def _events(
         yield topic, record
 
 
-def _require_updates(tally: ReplayTally, setup: Setup) -> None:
+def _require_updates(tally: ReplayTally, setup: Setup, recording: Recording) -> None:
     if tally.updates:
         return
-    reasons = "; ".join(f"{count} {topic}: {why}" for (topic, why), count in tally.skipped.most_common(3))
     trigger = next(iter(setup.instruments))
+    unread = {(topic, why): n for topic in setup.topics for why, n in recording.tally.skipped.get(topic, {}).items()}
+    skipped = (tally.skipped + Counter(unread)).most_common(3)
+    reasons = "; ".join(f"{count} {topic}: {why}" for (topic, why), count in skipped)
     raise InputError(f"no message of {trigger} could be used ({reasons or 'there is none'}); `mcl info` shows the log")

@@ -203,7 +203,7 @@ class Tally:
 
     ``read`` counts messages handed out, by topic; ``skipped`` those that were not used, by topic and reason; ``notes``
     what was changed or left out in messages that were used. ``first_ns``/``last_ns`` span all messages seen so far,
-    wanted or not.
+    wanted or not. Unless ``announce`` is off, the first of each kind on a topic is warned of.
     """
 
     read: dict[str, int] = field(default_factory=dict)
@@ -215,6 +215,7 @@ class Tally:
     first_ns: int | None = None
     last_ns: int | None = None
     undecodable: int = 0
+    announce: bool = True
 
     @property
     def lossy(self) -> bool:

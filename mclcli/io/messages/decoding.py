@@ -53,7 +53,7 @@ def decode(message: RawMessage, tally: Tally | None = None) -> Record | Undecoda
         result = Undecodable(NOT_PARSED)
     if isinstance(result, Undecodable) and tally is not None:
         topic = message.channel.topic
-        if tally.reject(topic, result.reason) == 1:
+        if tally.reject(topic, result.reason) == 1 and tally.announce:
             logging.getLogger("mclcli").warning("%s: messages cannot be decoded: %s", topic, result.reason)
     return result
 

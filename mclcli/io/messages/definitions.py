@@ -39,7 +39,8 @@ def stores_for(channel: Channel) -> list[Typestore] | str:
     if not channel.type:
         return "it has no schema, and nothing else says its type"
     if versions is None:
-        return f"its encoding {channel.encoding[:40]!r} is not supported"
+        encoding = channel.encoding[:40]
+        return f"its encoding {encoding!r} is not supported: mcl reads CDR, and ROS 1's own serialization"
     stores = [_store(name, age) for name, age in versions]
     known = [store for store in stores if channel.type in store.fielddefs]
     return known or f"its type {channel.type[:100]!r} is not known"

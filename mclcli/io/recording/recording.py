@@ -55,6 +55,8 @@ class Recording:
         if log.seekable or whole:
             messages = log.messages(None, self.tally, strict=strict)
             self.survey = survey_log(diagnosis.watch(messages) if diagnosis else messages)
+            seen = self.survey.topics
+            self.survey.silent = {of.topic: of for of in self.tally.channels if of.topic not in seen}
         else:
             self._rest = log.messages(None, self.tally, strict=strict)
             self.survey = self._look_ahead()

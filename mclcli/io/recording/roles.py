@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 from mclcli.errors import InputError, UsageError, nearest_name
-from mclcli.io.messages.sightings import types_with
 from mclcli.io.recording import cameras
+from mclcli.io.recording.unusable import problem
 from mclcli.records import Odometry
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 SCAN = ("sensor_msgs/msg/LaserScan",)
 ODOMETRY = ("nav_msgs/msg/Odometry",)
-SIGHTINGS = (*types_with("rays"), *cameras.PIXELS)
+SIGHTINGS = (*cameras.RAYS, *cameras.PIXELS)
 POSES = ("geometry_msgs/msg/PoseStamped", "geometry_msgs/msg/PoseWithCovarianceStamped")
 MAP = ("nav_msgs/msg/OccupancyGrid",)
 TF = "tf"
@@ -148,8 +148,8 @@ def _check(survey: LogSurvey, name: str, types: tuple[str, ...]) -> None:
         names = ", ".join(sorted(survey.topics)) or "none"
         raise UsageError(f"no topic '{name}' in the log{nearest_name(name, list(survey.topics))}; it has {names}")
     if topic.sample is None:
-        problem = topic.problem or f"mcl cannot use messages of type {topic.channel.type}"
-        raise UsageError(f"topic '{name}': {problem}; name another topic")
+        why = problem(survey, topic) or f"mcl cannot use messages of type {topic.channel.type}"
+        raise UsageError(f"topic '{name}': {why}; name another topic")
     if topic.channel.type not in types:
         hint = "give --odom another topic, or tf" if types == ODOMETRY else "name another topic"
         raise UsageError(f"topic '{name}': not of type {' or '.join(types)}; {hint}")

@@ -80,6 +80,8 @@ def _survey(found: SampledLog, indexes: list[McapIndex], diagnosis: Diagnosis) -
     for channel, times in _times(chunks):
         found.survey.topics.setdefault(channel.topic, TopicSurvey(channel)).count_all(times)
         diagnosis.count_all(channel.topic, times)
+    silent = (channel for index in indexes for channel in index.channels.values())
+    found.survey.silent = {of.topic: of for of in silent if of.topic not in found.survey.topics}
     for name, index in zip(found.log.names, indexes, strict=True):
         checksums = f"{verified[index.path]} of {len(index.chunks)} chunks verified, the rest not read"
         found.tally.files.append(FileFacts(name, "MCAP", closed=True, checksums=checksums))

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry.frames import TransformTree
+from mclcli.io.logs.base import Tally
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
 
 if TYPE_CHECKING:
@@ -62,13 +63,16 @@ class TopicSurvey:
 class LogSurvey:
     """What a look through a log found: ``topics`` by name, the tree of ``frames``, ``statics`` by child.
 
-    ``complete`` unless only the beginning of a stream was looked at.
+    ``complete`` unless only the beginning of a stream was looked at. ``silent`` are topics without a message. ``tally``
+    notes what was changed or left out in the messages decoded, which nobody has told yet.
     """
 
     topics: dict[str, TopicSurvey] = field(default_factory=dict)
     frames: TransformTree = field(default_factory=lambda: TransformTree(keep_history=False))
     statics: dict[str, Transform] = field(default_factory=dict)
     complete: bool = True
+    silent: dict[str, Channel] = field(default_factory=dict)
+    tally: Tally = field(default_factory=lambda: Tally(announce=False))
 
     @property
     def span_ns(self) -> tuple[int, int] | None:
@@ -97,7 +101,7 @@ class LogSurvey:
             self._decode(topic, message)
 
     def _decode(self, topic: TopicSurvey, message: RawMessage) -> None:
-        record = decode(message)
+        record = decode(message, self.tally)
         if isinstance(record, Undecodable):
             topic.problem = topic.problem or record.reason
             return
