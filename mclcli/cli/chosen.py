@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from mclcli.cli.options import ParameterOptions
+    from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.survey import LogSurvey
     from mclcli.settings.profiles import Settings
     from mclcli.settings.robots.reading import FileParameters
@@ -62,6 +63,14 @@ def warn_of_turned_map(grid: OccupancyGrid | None, settings: Settings) -> None:
             f"the map's origin has a yaw of {yaw:g} rad, which profile {settings.profile} ignores as nav2_amcl does: "
             "poses are in the map as if it were not turned; --set origin_yaw=use turns it"
         )
+
+
+def tell_refused(recording: Recording) -> None:
+    """Say of which topics nothing can be used, where the log has others in their place."""
+    from mclcli.io.recording.unusable import refused
+
+    for sentence in refused(recording.survey):
+        console.warn(sentence)
 
 
 def names_in(survey: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) -> dict[str, str]:

@@ -59,6 +59,16 @@ def test_odometry_without_orientation_is_named_by_run_and_info(
     assert reason in facts["cannot_run"][0]
 
 
+def test_odometry_that_others_stand_in_for_is_named_all_the_same(
+    run_short: Runner, office_messages: list[Message], tmp_path: Path
+) -> None:
+    log = write_mcap(tmp_path / "log.mcap", changed(office_messages, "/odom", unfilled))
+    result = run_short(log=log)
+    assert result.code == 0
+    assert result.err.count("warning: /odom of type nav_msgs/msg/Odometry cannot be used: its quaternion is 0") == 1
+    assert "cannot be used" not in run_short().err
+
+
 @pytest.mark.parametrize(
     "command", [("score", "--pose", "0,0,0", "--map", OFFICE_MAP), ("locate", "--map", OFFICE_MAP), ("extract",)]
 )

@@ -35,7 +35,7 @@ def command(options: RunOptions) -> ExitCode:
 
     With no output named, the track goes to stdout as CSV unless that is a terminal.
     """
-    from mclcli.cli.chosen import choose_settings
+    from mclcli.cli.chosen import choose_settings, tell_refused
     from mclcli.cli.run import report
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import References, lines_of, report_of
@@ -47,6 +47,7 @@ def command(options: RunOptions) -> ExitCode:
     settings, recording = chosen.settings, _open(options)
     parts = _assign_roles(options, recording, chosen)
     grid, setup, landmarks = _set_up(options, recording, parts, chosen)
+    tell_refused(recording)
     references = References(options.truth, options.versus, recording, setup)
     inputs = options.input_files
     if options.picture:

@@ -13,7 +13,7 @@ from mclcli.io.recording import cameras
 from mclcli.text import clean
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Collection, Sequence
 
     from mclcli.io.logs.base import Channel
     from mclcli.io.recording.survey import LogSurvey, TopicSurvey
@@ -76,16 +76,26 @@ def _unread(channel: Channel) -> str:
     return f"mcl does not read this type; {cure}" if channel.type not in DECODABLE else "no message of it was read"
 
 
-def told(survey: LogSurvey, part: Part) -> list[str]:
-    """A sentence for each reason why topics that look like a part cannot play it, those alike together."""
+def told(survey: LogSurvey, part: Part, only: Collection[str] = ()) -> list[str]:
+    """A sentence for each reason why topics that look like a part cannot play it, those alike together.
+
+    Of some types ``only``, and then only of those with messages; or of all.
+    """
     reasons: dict[tuple[str, str], list[str]] = {}
     for name, topic in sorted(survey.topics.items()):
+        if only and topic.channel.type not in only:
+            continue
         if (not topic.channel.type or _last_word(topic.channel) in _LOOKS[part]) and (why := problem(survey, topic)):
             reasons.setdefault((topic.channel.type, why), []).append(name)
     for name, channel in sorted(survey.silent.items()):
-        if _last_word(channel) in _LOOKS[part]:
+        if not only and _last_word(channel) in _LOOKS[part]:
             reasons.setdefault((channel.type, "it has no message"), []).append(name)
     return [_sentence(names, kind, why) for (kind, why), names in reasons.items()][:_TOLD]
+
+
+def refused(survey: LogSurvey) -> list[str]:
+    """Sentences about scans, odometry and transforms of which nothing can be used, although mcl reads their type."""
+    return [*told(survey, "scan", only=DECODABLE), *told(survey, "odometry", only=DECODABLE)]
 
 
 def because(survey: LogSurvey, part: Part) -> str:
