@@ -27,12 +27,18 @@ METADATA = """rosbag2_bagfile_information:
         serialization_format: cdr
         offered_qos_profiles: "- history: 3\\n  depth: 0"
       message_count: 1
-    - topic_metadata:
+    - message_count: 1
+      topic_metadata:
         name: "/named"
-        type: 'x_msgs/msg/Other'
+        offered_qos_profiles: []
         serialization_format: cdr
-        offered_qos_profiles: ""
-      message_count: 1
+        type: 'x_msgs/msg/Other'
+    - message_count: 1
+      topic_metadata:
+        name: /odom
+        offered_qos_profiles: []
+        serialization_format: cdr
+        type: nav_msgs/msg/Odometry
 """
 
 
@@ -41,25 +47,31 @@ def types_in(*paths: Path) -> dict[str, str]:
     return {message.channel.topic: message.channel.type for message in messages}
 
 
-def bag(folder: Path, listed: str = "bag_0.mcap") -> Path:
-    """Folder with an MCAP of three topics, of which one has a schema, and a metadata.yaml that lists a file."""
+def bag(folder: Path, listed: str = "bag_0.mcap", *, windows: bool = False) -> Path:
+    """Folder with an MCAP of four topics, of which one has a schema, and a metadata.yaml that lists a file."""
     folder.mkdir()
     with (folder / "bag_0.mcap").open("wb") as stream:
         writer = Writer(stream)
         writer.start()
         schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
-        for number, (topic, schema_id) in enumerate((("/scan", 0), ("/named", schema), ("/unlisted", 0))):
+        for number, (topic, schema_id) in enumerate((("/scan", 0), ("/named", schema), ("/odom", 0), ("/unlisted", 0))):
             writer.add_message(writer.register_channel(topic, "cdr", schema_id), number, b"\0\1\0\0", number)
         writer.finish()  # type: ignore[no-untyped-call]
-    (folder / "metadata.yaml").write_text(METADATA.format(file=listed))
+    (folder / "metadata.yaml").write_text(METADATA.format(file=listed), newline="\r\n" if windows else None)
     return folder / "bag_0.mcap"
 
 
-EXPECTED = {"/scan": "sensor_msgs/msg/LaserScan", "/named": "std_msgs/msg/String", "/unlisted": ""}
+EXPECTED = {
+    "/scan": "sensor_msgs/msg/LaserScan",
+    "/named": "std_msgs/msg/String",
+    "/odom": "nav_msgs/msg/Odometry",
+    "/unlisted": "",
+}
 
 
-def test_a_topic_without_a_schema_has_the_type_that_metadata_gives_it(tmp_path: Path) -> None:
-    file = bag(tmp_path / "bag")
+@pytest.mark.parametrize("windows", [False, True])
+def test_a_topic_without_a_schema_has_the_type_that_metadata_gives_it(tmp_path: Path, *, windows: bool) -> None:
+    file = bag(tmp_path / "bag", windows=windows)
     assert types_in(file.parent) == types_in(file) == EXPECTED
 
 
@@ -73,7 +85,7 @@ def test_so_has_one_in_a_compressed_file(tmp_path: Path) -> None:
 
 def test_a_metadata_file_that_does_not_list_the_file_says_nothing_of_it(tmp_path: Path) -> None:
     file = bag(tmp_path / "bag", "another.mcap")
-    assert types_in(file) == EXPECTED | {"/scan": ""}
+    assert types_in(file) == EXPECTED | {"/scan": "", "/odom": ""}
 
 
 @pytest.mark.parametrize(

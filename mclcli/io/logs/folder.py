@@ -29,7 +29,7 @@ def counts_of(folder: Path) -> dict[str, int]:
 
 def types_of(folder: Path) -> dict[str, str]:
     """Type of each topic that metadata.yaml names, '' that it does not; nothing without one."""
-    entries = re.split(r"^ *- *(?=topic_metadata:)", _metadata(folder), flags=re.MULTILINE)[1:]
+    entries = re.split(r"^ *(?:- *)?topic_metadata:[ \t\r]*$", _metadata(folder), flags=re.MULTILINE)[1:]
     keys = [re.compile(rf"^ *{key}: *(\S+)\s*$", re.MULTILINE) for key in ("name", "type")]
     pairs = ([key.search(entry) for key in keys] for entry in entries)
     return {name[1].strip("\"'"): kind[1].strip("\"'") for name, kind in pairs if name and kind}
