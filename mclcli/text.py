@@ -14,6 +14,11 @@ def clean(text: str, limit: int = 200) -> str:
     return shown if len(shown) <= limit else shown[: limit - 1] + "…"
 
 
+def counted(number: int, what: str) -> str:
+    """A number of things: ``1 topic``, ``2 topics``."""
+    return f"{number} {what}{'s'[: number != 1]}"
+
+
 def _escape(match: re.Match[str]) -> str:
     code = ord(match.group())
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"

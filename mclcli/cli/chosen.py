@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Collection
 
     from mclcli.cli.options import ParameterOptions
+    from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import RequestedRoles, Roles
     from mclcli.io.recording.survey import LogSurvey
     from mclcli.settings.profiles import Settings
@@ -66,14 +67,12 @@ def warn_of_turned_map(grid: OccupancyGrid | None, settings: Settings) -> None:
         )
 
 
-def assigned(survey: LogSurvey, requested: RequestedRoles) -> Roles:
+def assigned(recording: Recording, requested: RequestedRoles) -> Roles:
     """Roles of a log's topics and frames; says so where there was a choice, or where what is used is doubtful.
 
     Raises UsageError and InputError as ``mclcli.io.recording.roles.assign`` does.
     """
-    from mclcli.io.recording.roles import assign
-
-    parts = assign(survey, requested)
+    parts = recording.roles(requested)
     if parts.robot and "robot" in parts.reasons:
         console.remark(f"robot: {clean(parts.robot)}, {parts.reasons['robot']}")
     for role, name in (("scan", " ".join(parts.scan)), ("odometry", parts.odometry), ("map", parts.map)):
@@ -83,7 +82,16 @@ def assigned(survey: LogSurvey, requested: RequestedRoles) -> Roles:
         console.remark(f"frames: {parts.reasons['frames']}")
     for line in parts.doubts:
         console.warn(f"odometry: {line}")
+    recording.keep_to(parts)
     return parts
+
+
+def tell_refused(recording: Recording) -> None:
+    """Say of which topics nothing can be used, where the log has others in their place."""
+    from mclcli.io.recording.unusable import refused
+
+    for sentence in refused(recording.survey):
+        console.warn(sentence)
 
 
 def names_in(survey: LogSurvey, chosen: Chosen, overruled: Collection[str] = ()) -> dict[str, str]:

@@ -11,13 +11,14 @@ from typing import TYPE_CHECKING, Any, final
 
 import click
 
-from mclcli.cli import options
-from mclcli.errors import ExitCode
-from mclcli.text import clean
+from mclcli.cli import info_lidars, options
+from mclcli.errors import AmbiguousRobotError, ExitCode
+from mclcli.text import clean, counted
 
 if TYPE_CHECKING:
     from mclcli.io.recording.diagnosis import Diagnosis
     from mclcli.io.recording.recording import Recording
+    from mclcli.io.recording.robots import Robot
     from mclcli.io.recording.roles import Roles
     from mclcli.io.recording.sampling import SampledLog
     from mclcli.io.recording.survey import LogSurvey, TopicSurvey
@@ -54,7 +55,10 @@ def command(info: InfoOptions) -> ExitCode:
     log = open_log(info.logs, stdin=stdin)
     sampled = None if info.deep else sampling.sample(log, diagnosis)
     recording = sampled or Recording(log, whole=True, diagnosis=diagnosis)
-    parts = roles.assign(recording.survey, roles.RequestedRoles())
+    try:
+        parts = roles.assign(recording.survey)
+    except AmbiguousRobotError as error:
+        parts = roles.assign(recording.survey, roles.RequestedRoles(robot=error.names[0]))
     facts = describe(recording, diagnosis, parts, info.logs)
     click.echo(json.dumps(facts, indent=2) if info.as_json else "\n".join(_lines(facts)))
     return ExitCode.DAMAGED if recording.tally.lossy else ExitCode.COMPLETE
@@ -64,10 +68,16 @@ def describe(
     recording: Recording | SampledLog, diagnosis: Diagnosis, parts: Roles, logs: tuple[str, ...]
 ) -> dict[str, Any]:
     """Everything ``mcl info`` knows, as plain values."""
+    from mclcli.io.recording.robots import find_robots
+    from mclcli.io.recording.unusable import obstacles
+
     span, clocks = recording.survey.span_ns, recording.clocks
-    lidars = [_lidar(recording, parts, topic) for topic in parts.scan]
+    lidars = [info_lidars.facts_of(recording, parts, topic) for topic in parts.scan]
     topics = [recording.survey.topics[name] for name in sorted(recording.survey.topics)]
-    return {
+    frames = _named_frames(recording.survey)
+    tree = parts.frames if parts.robot else recording.survey.frames
+    cannot_run = obstacles(recording.survey, parts.scan, parts.vision, parts.odometry)
+    facts = {
         "files": list(recording.log.names),
         "start": None if span is None else clocks.first_ns * 1e-9,
         "start_utc": None if span is None or clocks.simulated else _utc(clocks.first_ns),
@@ -75,22 +85,42 @@ def describe(
         "clocks": {"log_time_minus_stamp": clocks.offset_ns * 1e-9, "said": clocks.describe()},
         "messages": sum(topic.count for topic in topics),
         "checks": [dataclasses.asdict(file) for file in recording.tally.files],
-        "topics": [_topic(topic, parts, diagnosis) for topic in topics],
+        "topics": [_topic(recording.survey, topic, parts, diagnosis) for topic in topics],
+        "robots": [_robot(robot) for robot in find_robots(recording.survey)],
         "roles": {
+            "robot": parts.robot,
             "scan": list(parts.scan),
             "odometry": parts.odometry,
             "vision": list(parts.vision),
             "truth": parts.truth,
             "map": parts.map,
-            "base_frame": parts.base_frame,
-            "odom_frame": parts.odom_frame,
+            "base_frame": parts.base_frame if parts.base_frame in frames else None,
+            "odom_frame": parts.odom_frame if parts.odom_frame in frames else None,
             "reasons": parts.reasons,
         },
         "lidars": lidars,
-        "frames": {frame: recording.survey.frames.parent(frame) for frame in recording.survey.frames.frames},
+        "frames": {frame: tree.parent(frame) for frame in tree.frames},
         "damage": [damage.describe(clocks.first_logged_ns if span else None) for damage in recording.tally.damages],
-        "problems": [*_apart(recording), *diagnosis.problems(clocks), *_loose(recording, parts, lidars)],
-        "run": _run_line(recording.survey, parts, logs),
+        "problems": [
+            *_apart(recording),
+            *diagnosis.problems(clocks),
+            *_noted(recording),
+            *_odd(recording, parts, lidars),
+        ],
+        "run": None if cannot_run else _run_line(recording.survey, parts, lidars, logs),
+        "cannot_run": cannot_run,
+    }
+    return {name: _plain(value) for name, value in facts.items()}
+
+
+def _robot(robot: Robot) -> dict[str, Any]:
+    return {
+        "name": robot.name,
+        "base_frame": robot.base or None,
+        "scan": list(robot.scans),
+        "vision": list(robot.vision),
+        "odometry": [*robot.odometry, *(["tf"] if robot.moves else [])],
+        "complete": robot.is_complete,
     }
 
 
@@ -101,18 +131,43 @@ def _apart(recording: Recording | SampledLog) -> list[str]:
     return [f"{clean(strand.why)}: run as a segment of its own" for strand in strands(recording.tally.spans)[1:]]
 
 
-def _loose(recording: Recording | SampledLog, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:
-    """Frames that do not connect, and lidars that are not on the base."""
-    from mclcli.io.recording.diagnosis import loose_frames
+def _named_frames(survey: LogSurvey) -> set[str]:
+    """Frames that the log itself names, in transforms or in odometry."""
+    from mclcli.records import Odometry
 
-    unmounted = [lidar for lidar in lidars if lidar["base_from_sensor"] is None]
+    samples = [topic.sample for topic in survey.topics.values() if isinstance(topic.sample, Odometry)]
+    return {*survey.frames.frames, *(frame for o in samples for frame in (o.frame_id, o.child_frame_id) if frame)}
+
+
+def _noted(recording: Recording | SampledLog) -> list[str]:
+    """What was changed or left out in the messages that were decoded, beside what the times and lidars tell."""
+    from mclcli.io.messages.conversion import STAMP_ZERO
+    from mclcli.io.messages.decoding import ANGLE_MAX
+
     return [
-        *loose_frames(recording.survey.frames),
-        *(
-            f"{clean(lidar['topic'])}: no transform from '{clean(parts.base_frame)}' to '{clean(lidar['frame'])}'"
-            for lidar in unmounted
-        ),
+        f"{clean(topic)}: {what}{f' ({count} times)' * (count > 1)}"
+        for topic, notes in sorted(recording.survey.tally.notes.items())
+        for what, count in notes.items()
+        if what not in {STAMP_ZERO, ANGLE_MAX}
     ]
+
+
+def _odd(recording: Recording | SampledLog, parts: Roles, lidars: list[dict[str, Any]]) -> list[str]:
+    """Frames that do not connect or contradict each other, doubtful odometry, lidars that are not on the base."""
+    from mclcli.io.recording.diagnosis import loose_frames
+    from mclcli.io.recording.odometry_sources import problems_of
+
+    tree = parts.frames if parts.robot else recording.survey.frames
+    named = _named_frames(recording.survey)
+    lines = [*loose_frames(tree), *problems_of(recording.survey), *(f"odometry: {line}" for line in parts.doubts)]
+    for lidar in lidars:
+        name, frame = clean(lidar["topic"]), clean(lidar["frame"])
+        if lidar["base_from_sensor"] is None:
+            base = f"from '{clean(parts.base_frame)}' " if parts.base_frame in named else ""
+            known = "" if tree.frames else "the log has no transforms: "
+            lines.append(f"{name}: {known}no transform {base}to '{frame}'; --mount says where the lidar sits")
+        lines += [f"{name}: {what}" for what in lidar["odd"]]
+    return lines
 
 
 def _utc(stamp_ns: int) -> str | None:
@@ -122,7 +177,9 @@ def _utc(stamp_ns: int) -> str | None:
         return None
 
 
-def _topic(topic: TopicSurvey, parts: Roles, diagnosis: Diagnosis) -> dict[str, Any]:
+def _topic(survey: LogSurvey, topic: TopicSurvey, parts: Roles, diagnosis: Diagnosis) -> dict[str, Any]:
+    from mclcli.io.recording.unusable import problem
+
     name = topic.channel.topic
     times = diagnosis.times(name)
     role = next((role for role in ("odometry", "truth", "map") if getattr(parts, role) == name), "")
@@ -140,46 +197,24 @@ def _topic(topic: TopicSurvey, parts: Roles, diagnosis: Diagnosis) -> dict[str, 
         "not_stamped": times.zero_stamps,
         "role": role,
         "why": parts.reasons.get(role, ""),
-        "problem": topic.problem,
+        "problem": problem(survey, topic) or topic.problem,
     }
 
 
-def _lidar(recording: Recording | SampledLog, parts: Roles, name: str) -> dict[str, Any]:
-    """Geometry of a lidar from its first scan, and where it sits."""
-    import numpy as np
-
-    from mclcli.geometry import se3
-    from mclcli.records import LaserScan
-
-    scan = recording.survey.topics[name].sample
-    assert isinstance(scan, LaserScan)  # noqa: S101 - roles go by type
-    mount = recording.survey.frames.lookup(parts.base_frame, scan.frame_id, scan.stamp_ns)
-    finite = np.isfinite(scan.ranges)
-    return {
-        "topic": name,
-        "frame": scan.frame_id,
-        "beams": int(scan.ranges.size),
-        "angle_min": scan.angle_min,
-        "angle_increment": scan.angle_increment,
-        "range_min": scan.range_min if np.isfinite(scan.range_min) else None,
-        "range_max": scan.range_max if np.isfinite(scan.range_max) else None,
-        "time_increment": scan.time_increment,
-        "no_return": int(np.isinf(scan.ranges).sum()),
-        "invalid": int((~finite & ~np.isinf(scan.ranges)).sum()),
-        "base_from_sensor": None if mount is None else list(se3.to_rpy(mount)),
-    }
-
-
-def _run_line(survey: LogSurvey, parts: Roles, logs: tuple[str, ...]) -> str:
-    """The command that runs this log, with everything said that has to be."""
+def _run_line(survey: LogSurvey, parts: Roles, lidars: list[dict[str, Any]], logs: tuple[str, ...]) -> str:
+    """The command that runs this log, with everything said that has to be; what only the user knows in capitals."""
     from mclcli.io.recording import roles
 
     words = ["mcl", "run", *logs]
+    if parts.robot and "robot" not in parts.reasons:
+        words += ["--robot", parts.robot]
     if not parts.map and parts.scan:
         words += ["--map", "MAP.yaml"]
     if parts.vision:
         words += ["--landmarks", "LANDMARKS.csv"]
-    start = roles.initialpose(survey) or parts.truth or "X,Y,YAW"
+    for frame in dict.fromkeys(lidar["frame"] for lidar in lidars if lidar["base_from_sensor"] is None):
+        words += ["--mount", f"{frame}=X,Y,YAW"]
+    start = roles.initialpose(survey, parts.namespace) or parts.truth or "X,Y,YAW"
     words += ["--init", start, "--track", "track.csv", "--picture", "track.png"]
     if parts.truth:
         words += ["--truth", parts.truth]
@@ -192,21 +227,29 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     duration = facts["duration"]
     utc = f"{facts['start_utc']} " if facts["start_utc"] else ""
     when = "" if duration is None else f", {duration:.1f} s from {utc}(@{facts['start']:.9f})"
-    lines = [f"{names}: {facts['messages']} messages on {len(facts['topics'])} topics{when}"]
+    lines = [f"{names}: {counted(facts['messages'], 'message')} on {counted(len(facts['topics']), 'topic')}{when}"]
     lines += [_check_line(file) for file in facts["checks"]]
     lines.append("")
     lines += _table([_row(topic) for topic in facts["topics"]])
+    robots, roles = facts["robots"], facts["roles"]
+    if len(robots) > 1:
+        lines += ["", *(_robot_line(robot) for robot in robots), f"what follows is of robot {clean(roles['robot'])}"]
     for lidar in facts["lidars"]:
-        lines += ["", _lidar_line(lidar)]
-    roles = facts["roles"]
+        lines += ["", info_lidars.line_of(lidar)]
     lines += ["", *_tree(facts["frames"], roles, facts["lidars"])]
-    lines.append(
-        f"odometry: {clean(roles['odometry']) or 'none'} ({clean(roles['odom_frame'])} to {clean(roles['base_frame'])})"
-    )
+    lines.append(_odometry_line(roles))
     lines += [f"clocks: {facts['clocks']['said']}"] * bool(facts["clocks"]["said"])
     lines += [f"damage: {clean(text, 300)}" for text in facts["damage"]]
     lines += [f"problem: {clean(text, 300)}" for text in facts["problems"]]
-    return [*lines, "", clean(facts["run"], 1000)]
+    lines += [f"cannot be run: {clean(text, 1000)}" for text in facts["cannot_run"]]
+    return [*lines, "", clean(facts["run"], 1000)] if facts["run"] else lines
+
+
+def _robot_line(robot: dict[str, Any]) -> str:
+    """One robot of several."""
+    parts = [*robot["scan"], *robot["vision"], *robot["odometry"]]
+    lacking = "" if robot["complete"] else "; nothing tells its odometry"
+    return f"robot {clean(robot['name'])}: {', '.join(map(clean, parts))}{lacking} (--robot {clean(robot['name'])})"
 
 
 def _check_line(file: dict[str, Any]) -> str:
@@ -231,26 +274,31 @@ def _table(rows: list[tuple[str, ...]]) -> list[str]:
     ]
 
 
-def _lidar_line(lidar: dict[str, Any]) -> str:
-    from math import degrees
-
-    first, step = degrees(lidar["angle_min"]), degrees(lidar["angle_increment"])
-    last = first + step * max(lidar["beams"] - 1, 0)
-    mount = lidar["base_from_sensor"]
-    where = "nothing says where it sits on the base (--mount)"
-    if mount is not None:
-        x, y, z, roll, pitch, yaw = mount
-        angles = f"roll {degrees(roll):.1f}, pitch {degrees(pitch):.1f}, yaw {degrees(yaw):.1f} deg"
-        where = f"at x {x:.3f}, y {y:.3f}, z {z:.3f} m, {angles}"
-    return (
-        f"lidar {clean(lidar['topic'])} in frame {clean(lidar['frame'])}: {lidar['beams']} beams from {first:.1f} to "
-        f"{last:.1f} deg, {lidar['range_min']} to {lidar['range_max']} m; {where}"
+def _odometry_line(roles: dict[str, Any]) -> str:
+    """What odometry is used, between which frames; a frame that the log does not name is none of its own."""
+    if not roles["odometry"]:
+        return "odometry: none"
+    odom, base = (
+        clean(roles[name]) if roles[name] else "a frame without a name" for name in ("odom_frame", "base_frame")
     )
+    return f"odometry: {clean(roles['odometry'])} ({odom} to {base})"
+
+
+def _plain(value: Any) -> Any:
+    """Facts with numbers as they were meant: no digits beyond the ninth behind the point, no minus before a zero."""
+    if isinstance(value, float):
+        return round(value, 9) + 0.0
+    if isinstance(value, dict):
+        return {name: _plain(inner) for name, inner in value.items()}
+    return [_plain(inner) for inner in value] if isinstance(value, list | tuple) else value
 
 
 def _tree(parents: dict[str, str | None], roles: dict[str, Any], lidars: list[dict[str, Any]]) -> list[str]:
     """How the frames that matter hang together, root first."""
-    ends = [lidar["frame"] for lidar in lidars] or [roles["base_frame"]]
+    if not parents:
+        return ["frames: the log has no transforms"]
+    ends = [end for end in (*(lidar["frame"] for lidar in lidars), roles["base_frame"]) if end in parents]
+    ends = [*dict.fromkeys(ends[: max(len(lidars), 1)])] or sorted(parents)[:1]
     lines = [f"frames: {' > '.join(clean(frame) for frame in reversed(_chain(parents, end)))}" for end in ends]
     lines[0] += f" ({len(parents)} in all)"
     return lines

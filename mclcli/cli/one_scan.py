@@ -107,10 +107,14 @@ def scan_of_log(recording: Recording, parts: Roles, at: LogTime | None, index: i
         If there is no scan of that time or number.
 
     """
+    from mclcli.io.recording.unusable import no_scan, problem
+
     if not parts.scan:
         name = ", ".join(recording.log.names)
-        raise InputError(f"{name}: the log has no laser scan that can be used; `mcl info` shows what it has")
+        raise InputError(f"{name}: {no_scan(recording.survey)}")
     topic = parts.scan[0]
+    if why := problem(recording.survey, recording.survey.topics[topic]):
+        raise InputError(f"topic '{topic}' cannot be used: {why}")
     scans = (record for _, record in recording.events([topic]) if isinstance(record, LaserScan))
     return pick_one(scans, lambda scan: scan.stamp_ns, recording.first_ns, at, index)
 
@@ -208,11 +212,14 @@ def mount_in_log(recording: Recording, parts: Roles, scan: LaserScan, mounts: Ma
         return given
     mount = recording.mount_at(parts, scan.frame_id, scan.stamp_ns)
     if mount is None:
+        from mclcli.io.recording.unusable import because
+
         tree = parts.frames
         when = " at its stamp" if tree.connected(parts.base_frame, scan.frame_id) else ""
         raise InputError(
             f"no transform from '{parts.base_frame}' to '{scan.frame_id}'{when}; frames in the log: "
             f"{', '.join(tree.frames) or 'none'}; give --mount {scan.frame_id}=X,Y,YAW"
+            f"{because(recording.survey, 'transforms')}"
         )
     return mount
 

@@ -13,7 +13,7 @@ import click
 
 from mclcli.cli import console, options
 from mclcli.errors import ExitCode, InputError
-from mclcli.text import clean
+from mclcli.text import clean, counted
 
 if TYPE_CHECKING:
     from mclcli.io.logs import Log
@@ -112,16 +112,16 @@ def _channels(log: Log, first: RawMessage | None) -> list[Channel]:
 def _report(output: str, saved: RecoveredMcap, tally: Tally) -> None:
     """What was saved, by topic, and what was not."""
     for topic, count in sorted(saved.written.items()):
-        console.remark(f"{clean(topic)}: {count} messages saved{_guessed(topic, saved)}")
+        console.remark(f"{clean(topic)}: {counted(count, 'message')} saved{_guessed(topic, saved)}")
     for what, count in sorted(saved.beside.items()):
-        console.remark(f"{count} {what}{'s'[: count != 1]} saved")
+        console.remark(f"{counted(count, what)} saved")
     for topic, reasons in sorted(tally.skipped.items()):
         for why, count in sorted(reasons.items()):
-            console.remark(f"{clean(topic)}: {count} messages not saved: {why}")
+            console.remark(f"{clean(topic)}: {counted(count, 'message')} not saved: {why}")
     lost, more = tally.lost()
     said = ([str(lost)] if lost else []) + (["an unknown number"] if more else [])
     total = saved.written.total()
-    console.remark(f"{output}: {total} messages; lost: {' and '.join(said) or 'none'}")
+    console.remark(f"{output}: {counted(total, 'message')}; lost: {' and '.join(said) or 'none'}")
 
 
 def _guessed(topic: str, saved: RecoveredMcap) -> str:

@@ -9,6 +9,7 @@ from mclcli.errors import InputError, UsageError, nearest_name
 from mclcli.filter.localizer import Localizer
 from mclcli.filter.recovery import FromAnywhere, Proposal
 from mclcli.filter.start import Anywhere, AroundPose, Start, WhenTold
+from mclcli.io.recording.unusable import because, no_map, no_scan, obstacles
 from mclcli.native.backend import COMPILED, NUMPY, Backend, choose
 from mclcli.records import LandmarkSightings, LaserScan, Odometry, PixelSightings
 from mclcli.replay.loop import Setup
@@ -120,8 +121,8 @@ def prepare(
         **_lidars(roles, grid, settings, temperature or {}, make_field, backend, threads),
         **_cameras(roles, landmarks, settings, temperature or {}, backend),
     }
-    if not roles.odometry:
-        raise InputError("the log has no odometry: no nav_msgs/Odometry topic, and no moving transform above the base")
+    if not roles.odometry or not (roles.scan or roles.vision):
+        raise InputError("; ".join(obstacles(survey, roles.scan, roles.vision, roles.odometry)))
     if not instruments:
         raise InputError(_nothing_to_score(survey, roles, grid, landmarks))
     check_mounts(survey, mounts or {})
@@ -257,11 +258,11 @@ def _numbered(role: str, count: int) -> list[str]:
 
 def _nothing_to_score(survey: LogSurvey, roles: Roles, grid: OccupancyGrid | None, landmarks: Landmarks | None) -> str:
     if roles.scan and grid is None:
-        return "no map: the log has no nav_msgs/OccupancyGrid; name one with --map"
+        return no_map(survey)
     if roles.vision and landmarks is None:
-        return f"landmarks are seen on {', '.join(roles.vision)}, but nothing says where they stand; give --landmarks"
-    types = sorted({topic.channel.type for topic in survey.topics.values()})
-    return f"the log has no laser scan that can be used; it holds {', '.join(types) or 'no message at all'}"
+        seen = f"landmarks are seen on {', '.join(roles.vision)}, but nothing says where they stand; give --landmarks"
+        return seen + because(survey, "scan")
+    return no_scan(survey)
 
 
 def _check_mount(survey: LogSurvey, roles: Roles, topic: str, mounts: Mounts) -> None:
@@ -275,6 +276,7 @@ def _check_mount(survey: LogSurvey, roles: Roles, topic: str, mounts: Mounts) ->
     raise InputError(
         f"{topic}: no transform from '{roles.base_frame}' to '{frame}'; frames in the log: "
         f"{', '.join(frames) or 'none'}; give --mount {frame}=X,Y,YAW, or --set base_frame_id=FRAME"
+        f"{because(survey, 'transforms')}"
     )
 
 

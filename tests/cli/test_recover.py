@@ -147,7 +147,7 @@ def test_rows_that_mcap_cannot_date_are_counted(tmp_path: Path) -> None:
         database.commit()
     result = mcl("recover", path, "-o", tmp_path / "good.mcap")
     assert result.code == 3
-    assert "1 messages not saved: log time outside 1970…2262" in result.err
+    assert "1 message not saved: log time outside 1970…2262" in result.err
     assert len(saved((tmp_path / "good.mcap").read_bytes())) == 312
 
 

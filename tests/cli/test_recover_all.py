@@ -125,7 +125,7 @@ def test_a_compressed_message_that_is_damaged_is_counted(tmp_path: Path) -> None
         database.commit()
     result, good = recover(tmp_path, path.read_bytes(), "x.db3")
     assert result.code == 3
-    assert "1 messages not saved: compressed (zstd), and cannot be decompressed" in result.err
+    assert "1 message not saved: compressed (zstd), and cannot be decompressed" in result.err
     assert sum(1 for _ in make_reader(io.BytesIO(good)).iter_messages()) == 312
 
 

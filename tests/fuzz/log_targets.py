@@ -13,11 +13,13 @@ from mclcli.errors import InputError, UsageError
 from mclcli.io.logs import open_log
 from mclcli.io.logs.base import Channel, RawMessage, Tally
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
-from mclcli.io.messages.definitions import begins_with_header, definition_of, parse_definition
-from mclcli.io.messages.parsing import parser_for, to_plain
+from mclcli.io.messages.definition_parsing import parse_definition
+from mclcli.io.messages.definitions import begins_with_header, definition_of
+from mclcli.io.messages.parsing import NOT_PARSED, parser_for, to_plain
 from tests.fuzz import small_logs
 from tests.fuzz.engine import Target
 from tests.io import ros_messages
+from tests.io.definition_samples import idl_of, write
 from tests.io.ros_messages import TEXTS, TF
 
 if TYPE_CHECKING:
@@ -28,6 +30,15 @@ REFUSED = (InputError, UsageError)
 RECORDS = tuple(bytes([kind]) + struct.pack("<Q", length) for kind in range(1, 16) for length in (0, 4, 20, 25))
 FIELDS = tuple(struct.pack("<I", len(field)) + field for field in (b"op=\2", b"op=\4", b"op=\5", b"op=\6", b"op=\7"))
 DEFINITION = (b"float32 ", b"string ", b"std_msgs/Header header\n", b"[]", b"[3]", b"[<=5] ", b"=" * 80, b"\nMSG: ")
+IDL = (
+    b"module a { module msg {",
+    b"struct B { ",
+    b"sequence<a::msg::B, 3> ",
+    b"typedef double ",
+    b"};",
+    b"\nIDL: ",
+    b"@optional",
+)
 
 
 def targets(folder: Path) -> list[Target]:
@@ -42,7 +53,7 @@ def targets(folder: Path) -> list[Target]:
         Target("db3", lambda data: _file(folder / "x.db3", data), REFUSED, databases, limit=8192),
         Target("zstd file", lambda data: _file(folder / "x.zstd", data), REFUSED, packed, limit=2048),
         Target("message", message, REFUSED, _messages(), limit=600),
-        Target("definition", definition, (), _definitions(), DEFINITION, limit=3000),
+        Target("definition", definition, (), _definitions(), DEFINITION + IDL, limit=3000),
     ]
 
 
@@ -75,7 +86,7 @@ def message(data: bytes) -> None:
         with contextlib.suppress(Exception):  # rosbags' own errors; decode() makes the best of them
             parsed = not isinstance(parse(raw.data), Undecodable)
     result = decode(raw)
-    if parsed and isinstance(result, Undecodable) and result.reason == "it does not parse":
+    if parsed and isinstance(result, Undecodable) and result.reason == NOT_PARSED:
         raise AssertionError(f"{kind} in {encoding} parses, and does not convert")
     to_plain(raw)
 
@@ -93,6 +104,8 @@ def definition(data: bytes) -> None:
     channel = Channel("/t", kind, encoding, text)
     begins_with_header(channel)
     definition_of(channel)
+    for start in (b"\0\1\0\0", b"\0\7\0\0", b"\0\x09\0\0", b""):
+        decode(RawMessage(channel, 0, start + text[:64].encode() + bytes(400)))
 
 
 def _messages() -> list[bytes]:
@@ -106,6 +119,9 @@ def _messages() -> list[bytes]:
             with contextlib.suppress(KeyError):  # types that one encoding alone has
                 data = ros_messages.raw(encoding, kind, given).data
         made.append(bytes([number]) + data)
+        if kind in values and encoding == "cdr":
+            types = ros_messages.STORES["cdr"].fielddefs
+            made += [bytes([number]) + write(types, kind, values[kind], form) for form in (7, 9)]
     return made
 
 
@@ -113,4 +129,10 @@ def _definitions() -> list[bytes]:
     """The definition of each type as mcl knows it."""
     texts = {number: definition_of(CHANNELS[kind]) for number, kind in enumerate(KINDS)}
     made = [bytes([number]) + text.encode() for number, text in texts.items() if text]
-    return [*made, *(b"\0" + text.encode() for text in TEXTS.values())]
+    own = (b"\0" + text.encode() for text in TEXTS.values())
+    by_idl = (
+        bytes([number]) + idl_of(ros_messages.STORES["cdr"].fielddefs, kind).encode()
+        for number, (kind, encoding) in enumerate(KINDS)
+        if encoding == "cdr" and kind in ros_messages.SAMPLES
+    )
+    return [*made, *own, *by_idl]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+import zstandard
 from mcap.reader import make_reader
 from mcap.writer import IndexType, Writer
 
@@ -19,7 +20,7 @@ from mclcli.io.recording import roles, sampling
 from mclcli.io.recording.clocks import Clocks
 from mclcli.io.recording.diagnosis import Diagnosis
 from mclcli.io.recording.recording import Recording
-from tests.cli.support import OFFICE, SAMPLES, mcl
+from tests.cli.support import OFFICE, SAMPLES, mcl, messages, write_mcap
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,6 +73,19 @@ def test_info_of_a_large_log(monkeypatch: pytest.MonkeyPatch) -> None:
     ours = result.out.decode().splitlines()
     assert [line for line in ours if "checksums" not in line] == [line for line in whole if "checksums" not in line]
     assert mcl("info", OFFICE, "--deep").out.decode().splitlines() == whole
+
+
+def test_messages_compressed_one_by_one_are_unpacked(tmp_path: Path) -> None:
+    known = messages(OFFICE)[:300]
+    packed = [dataclasses.replace(message, data=zstandard.compress(message.data)) for message in known]
+    packed[0] = dataclasses.replace(packed[0], data=packed[0].data[:20])
+    paths = [write_mcap(tmp_path / f"{name}.mcap", logs) for name, logs in (("plain", known[1:]), ("packed", packed))]
+    plain, unpacked = (sample_any(open_log([path]), Diagnosis()) for path in paths)
+    assert plain is not None
+    assert unpacked is not None
+    assert roles.assign(unpacked.survey) == roles.assign(plain.survey)
+    assert unpacked.tally.skipped == {packed[0].topic: {"compressed (zstd), and cannot be decompressed": 1}}
+    assert (unpacked.tally.lossy, plain.tally.lossy) == (True, False)
 
 
 def test_only_damage_that_was_met_counts(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -103,14 +103,14 @@ _LOGS = [
     Patch(
         "the definition that a log has of a type is compared",
         "io/messages/definitions.py",
-        "    if known != recorded[_short(kind)]:",
+        "    if known != recorded[short_name(kind)]:",
         "    if not known:",
         "io/test_messages_damaged.py -k agree",
     ),
     Patch(
         "a message has exactly the length of its type",
         "io/messages/parsing.py",
-        'return value if 0 <= len(data) - 4 - end <= 3 else Undecodable("its length is wrong")',
+        "return value if 0 <= len(data) - 4 - end <= 3 else Undecodable(_LENGTH)",
         "return value",
         "io/test_messages_damaged.py",
     ),

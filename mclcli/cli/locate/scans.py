@@ -123,14 +123,13 @@ def _setup(
 ) -> Setup:
     """What takes part, as for a run: scans need odometry to be joined."""
     from mclcli.io.maps.field_cache import cached_field
+    from mclcli.io.recording.unusable import no_scan
     from mclcli.replay import setup as assemble
 
     for line in parts.doubts:
         console.warn(f"odometry: {line}")
     if not parts.scan:
-        raise InputError(
-            f"{options.source.scan}: the log has no laser scan that can be used; `mcl info` shows what it has"
-        )
+        raise InputError(f"{options.source.scan}: {no_scan(recording.survey)}")
     return assemble.prepare(
         recording.survey,
         parts,

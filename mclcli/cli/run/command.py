@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections import Counter
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -39,7 +40,7 @@ def command(options: RunOptions) -> ExitCode:
     With no output named, the track goes to stdout as CSV unless that is a terminal.
     """
     from mclcli.cli import console
-    from mclcli.cli.chosen import choose_settings
+    from mclcli.cli.chosen import choose_settings, tell_refused
     from mclcli.cli.run import report
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import References, lines_of, report_of
@@ -56,6 +57,7 @@ def command(options: RunOptions) -> ExitCode:
     frame = _frame_of_map(recording, parts, chosen)
     told = operator_poses(recording, frame) if options.follow_initialpose else None
     grid, setup, landmarks = _set_up(options, recording, parts, chosen, frame, told)
+    tell_refused(recording)
     references = References(options.truth, options.versus, recording, setup, frame)
     inputs = options.input_files
     if options.picture:
@@ -67,7 +69,7 @@ def command(options: RunOptions) -> ExitCode:
             for point in replay(events, setup, tally):
                 outputs.write(point)
                 show(point)
-        _require_updates(tally, setup)
+        _require_updates(tally, setup, recording)
     summary = report.summarise(recording, setup, tally, outputs.track, time.perf_counter() - began)
     report.show(summary)
     if told is not None:
@@ -118,10 +120,9 @@ def _assign_roles(options: RunOptions, recording: Recording, chosen: Chosen) -> 
         robot=topics.robot or "",
     )
     try:
-        parts = assigned(recording.survey, requested)
+        parts = assigned(recording, requested)
     except AmbiguousRobotError as error:
-        parts = assigned(recording.survey, replace(requested, robot=_robot_at_start(options, recording, error)))
-    recording.keep_to(parts)
+        parts = assigned(recording, replace(requested, robot=_robot_at_start(options, recording, error)))
     return parts
 
 
@@ -226,6 +227,8 @@ def _find_map(options: RunOptions, recording: Recording, parts: Roles, settings:
     usable = [grid for grid in grids if isinstance(grid, OccupancyGrid)]
     grid = map_topics.pick(parts.map, usable, settings.frames.map_update, console.warn)
     console.remark(f"map: from the log's topic {parts.map}{map_topics.which(grid, usable)}")
+    for what in recording.survey.tally.notes.get(parts.map, {}):
+        console.remark(f"{parts.map}: {what}")
     return grid
 
 
@@ -252,9 +255,11 @@ def _events(
             yield topic, usable
 
 
-def _require_updates(tally: ReplayTally, setup: Setup) -> None:
+def _require_updates(tally: ReplayTally, setup: Setup, recording: Recording) -> None:
     if tally.updates:
         return
-    reasons = "; ".join(f"{count} {topic}: {why}" for (topic, why), count in tally.skipped.most_common(3))
     trigger = next(iter(setup.instruments))
+    unread = {(topic, why): n for topic in setup.topics for why, n in recording.tally.skipped.get(topic, {}).items()}
+    skipped = (tally.skipped + Counter(unread)).most_common(3)
+    reasons = "; ".join(f"{count} {topic}: {why}" for (topic, why), count in skipped)
     raise InputError(f"no message of {trigger} could be used ({reasons or 'there is none'}); `mcl info` shows the log")

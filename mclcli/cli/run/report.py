@@ -10,7 +10,7 @@ import numpy as np
 
 from mclcli.cli import console
 from mclcli.filter.fit import PROBABLY_LOST
-from mclcli.text import clean
+from mclcli.text import clean, counted
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -67,7 +67,7 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
 
 def extent(tally: ReplayTally, track: Track) -> str:
     """How much was driven, without anything that differs from one run to the next."""
-    return f"{tally.updates} updates over {track.seconds:.1f} s and {tally.distance:.1f} m"
+    return f"{counted(tally.updates, 'update')} over {track.seconds:.1f} s and {tally.distance:.1f} m"
 
 
 def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Track, seconds: float) -> list[str]:
@@ -77,10 +77,10 @@ def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Tra
         lines.append(f"{instrument.name} {clean(topic)}: {tally.used[topic]} used{_skipped(tally, topic)}")
         lines += _scored(instrument, tally)
     if tally.degenerate:
-        lines.append(f"{tally.degenerate} updates ignored their measurement: no weight was left (degenerate)")
+        lines.append(f"{counted(tally.degenerate, 'update')} ignored the measurement: no weight was left (degenerate)")
     if tally.odometry_gaps:
         lines.append(
-            f"odometry {clean(setup.odometry)}: {tally.odometry_gaps} gaps over 1 s, the longest "
+            f"odometry {clean(setup.odometry)}: {counted(tally.odometry_gaps, 'gap')} over 1 s, the longest "
             f"{tally.longest_gap_ns * 1e-9:.1f} s; interpolated"
         )
     return (
@@ -129,7 +129,7 @@ def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
     told = {
         f"{clean(setup.follow)}: the filter began anew {_times(again)}, at each of its poses": again,
         f"time jumped back {_times(back)}; the filter began anew in each segment": back,
-        f"{tally.injected} particles drawn anew": tally.injected,
+        f"{counted(tally.injected, 'particle')} drawn anew": tally.injected,
     }
     passed_over = _skipped(tally, setup.follow)
     follow = [f"{clean(setup.follow)}: {passed_over.removeprefix(', ')}"] if setup.follow and passed_over else []
@@ -215,6 +215,10 @@ def _scored(instrument: Instrument, tally: ReplayTally) -> Iterator[str]:
 
     name = instrument.name
     scored, unknown = tally.scored[name], tally.unknown[name]
+    if tally.updates and not scored:
+        what = "no beam was scored" if isinstance(instrument, Lidar) else "no sighting was scored"
+        why = "none of the readings that were picked (max_beams) is a return" * isinstance(instrument, Lidar)
+        yield f"{name}: {what} at any update, so that it told nothing{why and ': '}{why}"
     if isinstance(instrument, Lidar) and instrument.alpha == "auto" and scored:
         share, each = tally.independent[name] / scored, scored / tally.updates
         yield f"{name}: temperature {share:.2f} on average (auto): K_eff {share * each:.1f} of {each:.1f} an update"
@@ -226,5 +230,8 @@ def _unread(recording: Recording) -> list[str]:
     """Messages of the log that could not be read."""
     lines = []
     for topic, reasons in sorted(recording.tally.skipped.items()):
-        lines += [f"{clean(topic)}: {count} messages not read: {clean(why)}" for why, count in sorted(reasons.items())]
+        lines += [
+            f"{clean(topic)}: {counted(count, 'message')} not read: {clean(why)}"
+            for why, count in sorted(reasons.items())
+        ]
     return lines

@@ -238,7 +238,8 @@ class Tally:
 
     ``read`` counts messages handed out, by topic; ``skipped`` those that were not used, by topic and reason; ``notes``
     what was changed or left out in messages that were used. ``first_ns``/``last_ns`` span all messages seen so far,
-    wanted or not; ``spans`` those of each of several files.
+    wanted or not; ``spans`` those of each of several files. Unless ``announce`` is off, the first of each kind on a
+    topic is warned of.
     """
 
     read: dict[str, int] = field(default_factory=dict)
@@ -251,6 +252,7 @@ class Tally:
     last_ns: int | None = None
     undecodable: int = 0
     spans: list[Span] = field(default_factory=list)
+    announce: bool = True
 
     @property
     def lossy(self) -> bool:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from typing import final
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, final
 
 from mclcli.io.logs.base import Channel, PassedOver, Wish
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 
 @final
@@ -41,11 +44,13 @@ class WatchedChannels:
     """All channels of a file by their number in it; ``nameless`` counts messages whose channel nothing describes.
 
     ``later``: what is not described may be so later, in a stream that is read once. ``guessed`` counts nameless
-    messages that are handed out all the same, ``renumbered`` says that a number came twice.
+    messages that are handed out all the same, ``renumbered`` says that a number came twice. ``types`` are those of
+    topics, as the log's metadata.yaml has them, for channels whose file does not say.
     """
 
     wish: Wish
     later: bool = False
+    types: Mapping[str, str] = field(default_factory=dict)
     by_number: dict[int, WatchedChannel] = field(default_factory=dict)
     retired: list[WatchedChannel] = field(default_factory=list)
     nameless: int = 0
@@ -53,17 +58,21 @@ class WatchedChannels:
     renumbered: bool = False
     reported: bool = False
 
-    def add(self, number: int, channel: Channel) -> bool:
-        """Take up a channel; False if it is already there, unchanged."""
+    def add(self, number: int, channel: Channel) -> Channel | None:
+        """Take up a channel, with the type that it is known to have; None if it is already there, unchanged."""
+        if not channel.type and channel.topic in self.types:
+            kind = self.types[channel.topic]
+            recorded = channel.recorded and replace(channel.recorded, name=kind)
+            channel = replace(channel, type=kind, recorded=recorded)
         known = self.by_number.get(number)
         if known is not None and known.channel == channel:
-            return False
+            return None
         if known is not None:
             self.retired.append(known)
             self.renumbered = True
         wanted = self.wish.channels
         self.by_number[number] = WatchedChannel(channel, wanted is None or wanted(channel))
-        return True
+        return channel
 
     def missing_numbers(self, messages: int) -> int:
         """Messages that the sequence numbers count beyond the ``messages`` found; 0 where the numbers count nothing.

@@ -27,6 +27,19 @@ def counts_of(folder: Path) -> dict[str, int]:
     return counts
 
 
+def types_of(folder: Path) -> dict[str, str]:
+    """Type of each topic that metadata.yaml names, '' that it does not; nothing without one."""
+    entries = re.split(r"^ *(?:- *)?topic_metadata:[ \t\r]*$", _metadata(folder), flags=re.MULTILINE)[1:]
+    keys = [re.compile(rf"^ *{key}: *(\S+)\s*$", re.MULTILINE) for key in ("name", "type")]
+    pairs = ([key.search(entry) for key in keys] for entry in entries)
+    return {name[1].strip("\"'"): kind[1].strip("\"'") for name, kind in pairs if name and kind}
+
+
+def lists(folder: Path, file: str) -> bool:
+    """Whether a folder's metadata.yaml lists a file of this name."""
+    return any(entry.replace("\\", "/").rpartition("/")[2] == file for entry in _listed(folder))
+
+
 def files_of(folder: Path) -> tuple[list[Path], list[Damage]]:
     """Files of a rosbag2 folder in recorded order, and a Damage for each that its metadata.yaml names in vain.
 

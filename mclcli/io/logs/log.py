@@ -138,7 +138,7 @@ class _Intake:
             for item in items:
                 if isinstance(item, RawMessage):
                     tally.saw(item.log_time_ns, item.log_time_ns)
-                    if item.data[:1] == _FIRST and item.data[:4] == ZSTD and item.channel.encoding == "cdr":
+                    if item.data[:1] == _FIRST:
                         yield from self.unpack(item, budget)
                     else:
                         yield item
@@ -164,14 +164,15 @@ class _Intake:
             self.tally.channels.append(item)
 
     def unpack(self, message: RawMessage, budget: Budget) -> Iterator[RawMessage]:
-        """Undo rosbag2's compression of single messages: no CDR message begins like a zstd frame."""
-        try:
-            yield message._replace(data=inflate_frame(message.data, budget))
-        except CorruptError:
-            topic = message.channel.topic
-            self.tally.undecodable += 1
-            if self.tally.skip(topic, PACKED) == 1 and self.announce:
-                logging.getLogger("mclcli").warning("%s: messages are skipped: %s", topic, PACKED)
+        """Undo rosbag2's compression of a single message, or count it."""
+        plain = unpack(message, budget)
+        if plain is not None:
+            yield plain
+            return
+        topic = message.channel.topic
+        self.tally.undecodable += 1
+        if self.tally.skip(topic, PACKED) == 1 and self.announce:
+            logging.getLogger("mclcli").warning("%s: messages are skipped: %s", topic, PACKED)
 
     def damage(self, damage: Damage) -> None:
         """Count, and warn or stop."""
@@ -196,6 +197,19 @@ class _Intake:
             self.told_late = True
             text = "messages on %s are more than 1 s late; they are used where they stand in the file"
             logging.getLogger("mclcli").warning(text, message.channel.topic)
+
+
+def unpack(message: RawMessage, budget: Budget) -> RawMessage | None:
+    """A message without rosbag2's compression of single messages, None if that is damaged; any other as it is.
+
+    No CDR message begins like a zstd frame.
+    """
+    if message.data[:4] != ZSTD or message.channel.encoding != "cdr":
+        return message
+    try:
+        return message._replace(data=inflate_frame(message.data, budget))
+    except CorruptError:
+        return None
 
 
 def unreadable(name: str, error: OSError) -> InputError:

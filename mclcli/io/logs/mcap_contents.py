@@ -139,8 +139,8 @@ class Contents:
         channel = rec.parse_channel(body, self.schemas)
         if channel is None:
             yield self.malformed("channel")
-        elif self.channels.add(*channel):
-            yield channel[1]
+        elif added := self.channels.add(*channel):
+            yield added
 
     def malformed(self, what: str) -> Item:
         """Damage for a definition that does not parse: perhaps it was a message."""
@@ -154,5 +154,5 @@ class Contents:
         found = search_file()
         self.schemas = found.schemas | self.schemas
         for number, channel in found.channels.items():
-            if number not in self.channels.by_number and self.channels.add(number, channel):
-                yield channel
+            if number not in self.channels.by_number and (added := self.channels.add(number, channel)):
+                yield added

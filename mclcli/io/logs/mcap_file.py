@@ -24,24 +24,30 @@ from mclcli.io.logs.mcap_contents import Contents, Definitions
 from mclcli.io.logs.report import CUT, RESUMES, Report
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Generator, Iterator
+    from collections.abc import Callable, Generator, Iterator, Mapping
 
     from mclcli.io.logs.holding import Nameless
-    from mclcli.io.logs.source import ByteSource
+    from mclcli.io.logs.source import ByteSource, Origin
+
+
+def open_mcap(source: str, start: Origin) -> McapFile:
+    """Container for a file or a stream."""
+    return McapFile(source, start, start.types)
 
 
 @final
 @dataclass(frozen=True, slots=True)
 class McapFile:
-    """An MCAP file or stream; ``start`` opens it at its first byte."""
+    """An MCAP file or stream; ``start`` opens it at its first byte; ``types`` are those of topics without a schema."""
 
     source: str
     start: Callable[[], ByteSource]
+    types: Mapping[str, str] = field(default_factory=dict)
 
     def items(self, wish: Wish = EVERYTHING) -> Iterator[Item]:
         """Channels, messages and damage in file order (see ``Container``)."""
         with self.start() as src:
-            yield from _Pass(self, src, WatchedChannels(wish, src.size is None), Report(self.source)).run()
+            yield from _Pass(self, src, WatchedChannels(wish, src.size is None, self.types), Report(self.source)).run()
 
 
 @final
@@ -247,7 +253,7 @@ class _Pass:
     def definitions(self) -> Definitions:
         """Schemas and channels that stand anywhere in the file."""
         with self.file.start() as src:
-            whole = _Pass(self.file, src, WatchedChannels(DEFINITIONS), Report(self.file.source))
+            whole = _Pass(self.file, src, WatchedChannels(DEFINITIONS, types=self.file.types), Report(self.file.source))
             for _ in whole.run():
                 pass
         found = {number: watched.channel for number, watched in whole.channels.by_number.items()}

@@ -100,11 +100,17 @@ def parse_channel(content: bytes, schemas: dict[int, Recorded]) -> tuple[int, Ch
 
 
 _NO_SCHEMA = Recorded("", "", b"")
-_DEFINITIONS = frozenset({"ros2msg", "ros1msg", "ros2idl"})
+_DEFINITIONS = frozenset({"ros2msg", "ros1msg", "ros2idl", "omgidl"})
 
 
 def ros2_name(name: str) -> str:
-    """Type name as ROS 2 writes it: ``sensor_msgs/LaserScan`` becomes ``sensor_msgs/msg/LaserScan``."""
+    """Type name as ROS 2 writes it: ``sensor_msgs/LaserScan`` becomes ``sensor_msgs/msg/LaserScan``.
+
+    So do ``sensor_msgs::msg::LaserScan`` and, as DDS has it, ``sensor_msgs::msg::dds_::LaserScan_``.
+    """
+    if "::" in name:
+        name = name.replace("::", "/")
+        name = name.replace("/dds_/", "/").removesuffix("_") if "/dds_/" in name else name
     package, slash, short = name.partition("/")
     return f"{package}/msg/{short}" if slash and "/" not in short else name
 

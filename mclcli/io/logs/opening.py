@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO, Protocol
 
 from mclcli.errors import InputError, UsageError
+from mclcli.io.logs.folder import counts_of, files_of, lists, types_of
 from mclcli.io.logs.log import Log, unreadable
 from mclcli.io.logs.sniff import HEAD, kind_of
+from mclcli.io.logs.source import ByteSource, Origin, open_source
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mclcli.io.logs.base import Container, Damage
     from mclcli.io.logs.sniff import Kind
-    from mclcli.io.logs.source import ByteSource, Origin
 
 
 class Opener(Protocol):
@@ -53,8 +54,6 @@ def _open_files(paths: list[Path]) -> Log:
         if not path.exists():
             raise UsageError(f"{path}: no such file; check the name")
         if path.is_dir():
-            from mclcli.io.logs.folder import counts_of, files_of
-
             found, gone = files_of(path)
             files += found
             missing += gone
@@ -70,11 +69,15 @@ def _open_files(paths: list[Path]) -> Log:
 
 
 def _file(path: Path, counted: int | None) -> Container:
-    """Container for a file; ``counted`` messages stand in it, says its folder's metadata.yaml, if that says so."""
+    """Container for a file; ``counted`` messages stand in it, says its folder's metadata.yaml, if that says so.
+
+    A metadata.yaml beside the file that lists it says what types its topics have.
+    """
+    types = types_of(path.parent) if lists(path.parent, path.name) else {}
     with path.open("rb") as stream:
         kind = kind_of(stream.read(HEAD), path.name)
     if kind is not None:
-        return _container(kind, path.name, path, counted)
+        return _opener(kind)(path.name, Origin(lambda: open_source(path), path, counted, types))
     from mclcli.io.logs.zstd_file import ZstdFile, first_bytes
 
     head = first_bytes(path, HEAD)
@@ -83,13 +86,11 @@ def _file(path: Path, counted: int | None) -> Container:
     inner = kind_of(head, path.name)
     if inner is None:
         raise InputError(f"{path.name}: is compressed twice; unpack it first")
-    return ZstdFile(path.name, path, lambda plain: _container(inner, path.name, plain, counted))
 
+    def unpacked(plain: Path) -> Container:
+        return _opener(inner)(path.name, Origin(lambda: open_source(plain), plain, counted, types))
 
-def _container(kind: Kind, name: str, path: Path, counted: int | None) -> Container:
-    from mclcli.io.logs.source import Origin, open_source
-
-    return _opener(kind)(name, Origin(lambda: open_source(path), path, counted))
+    return ZstdFile(path.name, path, unpacked)
 
 
 def _opener(kind: Kind) -> Opener:
@@ -107,8 +108,6 @@ def _stream(name: str, stream: BinaryIO, *, borrowed: bool = False) -> Container
     if kind is None or not kind.piped:
         what = "compressed as a whole" if kind is None else f"{kind.name} ({kind.endings[0]})"
         raise InputError(f"{name}: is {what} and cannot be read from a pipe; name the file instead")
-    from mclcli.io.logs.source import ByteSource, Origin
-
     used = False
 
     def start() -> ByteSource:

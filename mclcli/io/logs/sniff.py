@@ -27,7 +27,7 @@ class Kind:
 
 
 CONTAINERS: dict[bytes, Kind] = {
-    b"\x89MCAP0\r\n": Kind("MCAP", (".mcap",), "mclcli.io.logs.mcap_file:McapFile"),
+    b"\x89MCAP0\r\n": Kind("MCAP", (".mcap",), "mclcli.io.logs.mcap_file:open_mcap"),
     b"SQLite format 3\0": Kind("a rosbag2 database", (".db3",), "mclcli.io.logs.db3_file:open_db3", piped=False),
     b"#ROSBAG V2.0\n": Kind("a ROS 1 bag", (".bag", ".active"), "mclcli.io.logs.bag1_file:Bag1File"),
 }

@@ -6,12 +6,12 @@ import io
 import os
 import stat
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, BinaryIO, final
 
 if TYPE_CHECKING:
     import re
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
     from typing import Self
 
@@ -138,12 +138,14 @@ _OVERLAP = 1 << 17  # bytes behind a place that may be needed to tell whether a 
 class Origin:
     """Where the bytes of a container come from: call it to open them at the first.
 
-    ``path`` is None for a pipe; ``counted`` messages stand in the file, says what describes its folder, if it does.
+    ``path`` is None for a pipe; ``counted`` messages stand in the file, says what describes its folder, if it does, and
+    ``types`` are those of topics, say the same lines.
     """
 
     opens: Callable[[], ByteSource]
     path: Path | None = None
     counted: int | None = None
+    types: Mapping[str, str] = field(default_factory=dict)
 
     def __call__(self) -> ByteSource:
         """Bytes from the first one on. Raises OSError."""

@@ -45,7 +45,7 @@ class Context:
     def note(self, what: str) -> None:
         """Count a change, and warn of the first of its kind on this topic."""
         topic = self.raw.channel.topic
-        if self.tally is not None and self.tally.note(topic, what) == 1:
+        if self.tally is not None and self.tally.note(topic, what) == 1 and self.tally.announce:
             logging.getLogger("mclcli").warning("%s: %s", topic, what)
 
 

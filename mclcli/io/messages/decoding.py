@@ -14,7 +14,7 @@ import numpy as np
 
 from mclcli.geometry import se3
 from mclcli.io.messages.conversion import Context, Undecodable, frame_name, read_only
-from mclcli.io.messages.parsing import parser_for, to_plain
+from mclcli.io.messages.parsing import NOT_PARSED, parser_for, to_plain
 from mclcli.io.messages.sightings import vision_messages
 from mclcli.quantity import FARTHEST
 from mclcli.records import LaserScan, Odometry, StampedPose, Transform
@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 __all__ = ["DECODABLE", "Undecodable", "decode", "planar_covariance", "to_plain"]
 
 NOT_RIGID = "transform left out: not rigid"
+NO_TURN = "the quaternion of the map's origin is 0, 0, 0, 0: taken for no turn"
 ANGLE_MAX = "angle_max does not fit the number of readings; the readings count"
 _PLANAR = np.ix_([0, 1, 5], [0, 1, 5])  # x, y and rotation about z of a 6 × 6 covariance
 _LARGEST = 1e12  # variance above which a covariance says nothing
@@ -49,10 +50,10 @@ def decode(message: RawMessage, tally: Tally | None = None) -> Record | Undecoda
     try:
         result = _decode(message, tally)
     except Exception:  # noqa: BLE001 - a log may hold any bytes, and none of them may end a run
-        result = Undecodable("it does not parse")
+        result = Undecodable(NOT_PARSED)
     if isinstance(result, Undecodable) and tally is not None:
         topic = message.channel.topic
-        if tally.reject(topic, result.reason) == 1:
+        if tally.reject(topic, result.reason) == 1 and tally.announce:
             logging.getLogger("mclcli").warning("%s: messages cannot be decoded: %s", topic, result.reason)
     return result
 
@@ -94,8 +95,8 @@ def _laser_scan(value: Parsed, context: Context) -> LaserScan:
 
 def _odometry(value: Parsed, context: Context) -> Odometry | Undecodable:
     pose = _planar(value.pose.pose)
-    if pose is None:
-        return _BAD_POSE
+    if isinstance(pose, Undecodable):
+        return pose
     frame, child = frame_name(value.header.frame_id), frame_name(value.child_frame_id)
     linear, angular = value.twist.twist.linear, value.twist.twist.angular
     twist = (float(linear.x), float(linear.y), float(angular.z))
@@ -122,8 +123,12 @@ def _transform(item: Parsed, matrix: FloatArray, context: Context, *, static: bo
 
 def _transform_stamped(value: Parsed, context: Context) -> Transform | Undecodable:
     """One transform on a topic of its own, as motion capture states poses; no part of the tree of frames."""
+    wrong = _wrong_with(value.transform.translation, value.transform.rotation)
+    if wrong is not None:
+        return wrong
     matrix = _matrix(value.transform.translation, value.transform.rotation)
-    return _BAD_POSE if matrix is None else _transform(value, matrix, context, static=False)
+    assert matrix is not None  # noqa: S101 - nothing is wrong with it
+    return _transform(value, matrix, context, static=False)
 
 
 def _pose_stamped(value: Parsed, context: Context) -> StampedPose | Undecodable:
@@ -137,18 +142,22 @@ def _pose_with_covariance(value: Parsed, context: Context) -> StampedPose | Unde
 
 def _pose(header: Parsed, pose: Parsed, covariance: FloatArray | None, context: Context) -> StampedPose | Undecodable:
     planar, matrix = _planar(pose), _matrix(pose.position, pose.orientation)
-    if planar is None:
-        return _BAD_POSE
+    if isinstance(planar, Undecodable):
+        return planar
     return StampedPose(context.stamp(header), frame_name(header.frame_id), planar, covariance, matrix)
 
 
-def _occupancy_grid(value: Parsed, _: Context) -> OccupancyGrid | Undecodable:
+def _occupancy_grid(value: Parsed, context: Context) -> OccupancyGrid | Undecodable:
     from mclcli.world.occupancy import OccupancyGrid
 
     info = value.info
     origin = _planar(info.origin)
-    if origin is None:
-        return _BAD_POSE
+    if origin is UNFILLED:  # some SLAM nodes leave it so, and map servers' clients take it for no turn
+        context.note(NO_TURN)
+        info.origin.orientation.w = 1.0
+        origin = _planar(info.origin)
+    if isinstance(origin, Undecodable):
+        return origin
     if info.width * info.height != len(value.data):
         return Undecodable("its cells are not width × height")
     cells = read_only(np.array(value.data, dtype=np.int8).reshape(info.height, info.width))
@@ -177,13 +186,22 @@ def _matrix(position: Parsed, rotation: Parsed) -> FloatArray | None:
     return read_only(se3.from_quaternion(translation, quaternion)) if _is_rigid(translation, quaternion) else None
 
 
-def _planar(pose: Parsed) -> FloatArray | None:
-    """The same projected on the ground, (3,)."""
+def _planar(pose: Parsed) -> FloatArray | Undecodable:
+    """The same projected on the ground, (3,), or what is wrong with it."""
     position, rotation = pose.position, pose.orientation
     translation, quaternion = (position.x, position.y, position.z), (rotation.x, rotation.y, rotation.z, rotation.w)
-    return (
-        read_only(se3.planar_from_quaternion(translation, quaternion)) if _is_rigid(translation, quaternion) else None
-    )
+    wrong = _wrong_with(position, rotation)
+    return read_only(se3.planar_from_quaternion(translation, quaternion)) if wrong is None else wrong
+
+
+def _wrong_with(position: Parsed, rotation: Parsed) -> Undecodable | None:
+    """What is wrong with a pose or transform, None if nothing is."""
+    translation, quaternion = (position.x, position.y, position.z), (rotation.x, rotation.y, rotation.z, rotation.w)
+    if _is_rigid(translation, quaternion):
+        return None
+    if not math.hypot(*translation) <= FARTHEST:
+        return _NOWHERE
+    return _NO_ROTATION if any(quaternion) else UNFILLED
 
 
 def _is_rigid(translation: Sequence[float], quaternion: Sequence[float]) -> bool:
@@ -195,7 +213,9 @@ def _stamped(header: Parsed) -> bool:
     return bool(header.stamp.sec or header.stamp.nanosec)
 
 
-_BAD_POSE = Undecodable("its pose is not rigid: position not finite (or beyond 1e9 m), or quaternion not of length 1")
+UNFILLED = Undecodable("its quaternion is 0, 0, 0, 0: the orientation was never filled in")
+_NO_ROTATION = Undecodable("its quaternion is not of length 1")
+_NOWHERE = Undecodable("its position is not finite, or beyond 1e9 m")
 _CONVERTERS: dict[str, Callable[[Parsed, Context], Record | Undecodable]] = {
     "sensor_msgs/msg/LaserScan": _laser_scan,
     "nav_msgs/msg/Odometry": _odometry,

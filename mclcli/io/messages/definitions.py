@@ -10,6 +10,14 @@ import re
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
+from mclcli.io.messages.definition_parsing import (
+    Fields,
+    long_name,
+    parse_definition,
+    plain_name,
+    says_nothing,
+    short_name,
+)
 from mclcli.io.messages.definition_texts import OLDER, OWN, ROS1, ROS2
 from mclcli.io.messages.sightings import vision_messages
 
@@ -18,44 +26,44 @@ if TYPE_CHECKING:
 
     from mclcli.io.logs.base import Channel
 
-Fields = tuple[tuple[str, str], ...]
-"""(type, name) of each field: types as ``float64``, ``geometry_msgs/Pose[]``, ``float64[36]``; bounds left out."""
-
 _STORES = {
     "ros1": (("ROS1_NOETIC", 0),),
     "cdr": (("ROS2_HUMBLE", 0), ("LATEST", 0), ("ROS2_FOXY", 0), ("ROS2_HUMBLE", 1), ("ROS2_HUMBLE", 2)),
 }  # rosbags' name, and how many versions back our own texts go
-_ALIASES = {
-    "time": "builtin_interfaces/Time",
-    "duration": "builtin_interfaces/Duration",
-    "Header": "std_msgs/Header",
-    "char": "uint8",
-    "byte": "uint8",
-    "octet": "uint8",
-}
-_FIELD = re.compile(r"^([A-Za-z]\w*(?:/\w+)*)((?:<=\d+)?)((?:\[(?:<=)?\d*\])?) +([A-Za-z]\w*)(?: *| +[^=\s].*)$")
-_CONSTANT = re.compile(r"^\S+ +\w+ *=")
 _DEFINITION_LIMIT = 1 << 20  # longer texts are not compared, and count as unknown
 
 
+def stores_for(channel: Channel) -> list[Typestore] | str:
+    """Type stores that know a channel's type, the newest version first, or the reason why there is none."""
+    versions = _STORES.get(channel.encoding)
+    if not channel.type:
+        return "it has no schema, and nothing else says its type"
+    if versions is None:
+        encoding = channel.encoding[:40]
+        return f"its encoding {encoding!r} is not supported: mcl reads CDR, and ROS 1's own serialization"
+    stores = [_store(name, age) for name, age in versions]
+    known = [store for store in stores if channel.type in store.fielddefs]
+    return known or f"its type {channel.type[:100]!r} is not known"
+
+
 def store_for(channel: Channel) -> Typestore | str:
-    """Type store that decodes a channel's messages, or the reason why there is none.
+    """Type store whose definition a channel's messages are written by, or the reason why there is none.
 
     A channel without a definition of its own is taken for the newest version known.
     """
-    versions = _STORES.get(channel.encoding)
-    if versions is None:
-        return f"its encoding {channel.encoding[:40]!r} is not supported"
-    known = False
-    for name, age in versions:
-        store = _store(name, age)
-        if channel.type in store.fielddefs:
-            known = True
-            if _agrees(store, channel):
-                return store
-    if not known:
-        return f"its type {channel.type[:100]!r} is not known"
-    return f"its definition of {channel.type} is another version than those known"
+    stores = stores_for(channel)
+    if isinstance(stores, str):
+        return stores
+    found = next((store for store in stores if _agrees(store, channel)), None)
+    return found or f"its definition of {channel.type} is another version than those known"
+
+
+def recorded_definition(channel: Channel) -> dict[str, Fields] | None:
+    """Fields by type of the log's own definition, None where it has none that makes sense."""
+    text = channel.definition
+    if len(text) > _DEFINITION_LIMIT or says_nothing(channel.type, text):
+        return None
+    return parse_definition(channel.type, text)
 
 
 def definition_of(channel: Channel) -> str:
@@ -71,9 +79,10 @@ def begins_with_header(channel: Channel) -> bool:
     """Whether the messages of a channel begin with a std_msgs/Header; False where their type is not known."""
     store = store_for(channel)
     if isinstance(store, str):
-        recorded = parse_definition(channel.type, channel.definition[:_DEFINITION_LIMIT]) or {}
-        return recorded.get(_short(channel.type), (("", ""),))[:1] == (("std_msgs/Header", "header"),)
-    return _fields(store, channel.type)[:1] == (("std_msgs/Header", "header"),)
+        fields = (recorded_definition(channel) or {}).get(short_name(channel.type), ())
+    else:
+        fields = fields_of(store, channel.type)
+    return fields[:1] == (("std_msgs/Header", "header"),)
 
 
 @lru_cache(maxsize=8)
@@ -96,36 +105,34 @@ def _agrees(store: Typestore, channel: Channel) -> bool:
     """Whether the log's own definition, where it has one, describes the same bytes as the store's."""
     if channel.encoding == "ros1" and re.fullmatch(r"[0-9a-f]{32}", channel.digest):
         return bool(store.generate_msgdef(channel.type, ros_version=1)[1] == channel.digest)
-    if not channel.definition:
+    if len(channel.definition) <= _DEFINITION_LIMIT and says_nothing(channel.type, channel.definition):
         return True
-    if len(channel.definition) > _DEFINITION_LIMIT:
-        return False
-    recorded = parse_definition(channel.type, channel.definition)
+    recorded = recorded_definition(channel)
     return recorded is not None and _same(store, channel.type, recorded, set())
 
 
 def _same(store: Typestore, kind: str, recorded: dict[str, Fields], seen: set[str]) -> bool:
     """Compare a type, and all those its fields have, as far as the recorded text describes them."""
-    if kind in seen or _short(kind) not in recorded:
+    if kind in seen or short_name(kind) not in recorded:
         return bool(seen)  # a text may leave out types it takes for granted, but not its own
     seen.add(kind)
-    known = _fields(store, kind)
-    if known != recorded[_short(kind)]:
+    known = fields_of(store, kind)
+    if known != recorded[short_name(kind)]:
         return False
-    inner = (_long(field.partition("[")[0]) for field, _ in known if "/" in field)
+    inner = (long_name(field.partition("[")[0]) for field, _ in known if "/" in field)
     return all(_same(store, name, recorded, seen) for name in inner)
 
 
-def _fields(store: Typestore, kind: str) -> Fields:
-    """Fields of a type in a store."""
+def fields_of(store: Typestore, kind: str) -> Fields:
+    """Fields of a type in a store, names in lower case."""
     from rosbags.interfaces import Nodetype
 
     def name_of(node: tuple[Any, Any]) -> str:
         what, detail = node
         if what == Nodetype.NAME:
-            return _short(detail)
+            return short_name(detail)
         if what == Nodetype.BASE:
-            return _ALIASES.get(detail[0], str(detail[0]))
+            return plain_name(str(detail[0]))
         inner, count = detail
         return name_of(inner) + (f"[{count}]" if what == Nodetype.ARRAY else "[]")
 
@@ -134,55 +141,3 @@ def _fields(store: Typestore, kind: str) -> Fields:
         for name, node in store.fielddefs[kind][1]
         if name != "structure_needs_at_least_one_member"
     )
-
-
-def parse_definition(kind: str, text: str) -> dict[str, Fields] | None:
-    """Fields of every type that a recorded definition describes, by short name; None where it makes no sense.
-
-    The text is that of rosbag and of MCAP's ros1msg and ros2msg: the type's own fields, then a line of ``=`` and a
-    line ``MSG: package/Type`` before those of each type it uses.
-    """
-    result: dict[str, Fields] = {}
-    name = _short(kind)
-    for number, section in enumerate(re.split(r"^={3,}[ \t]*$", text, flags=re.MULTILINE)):
-        lines = [line.partition("#")[0].strip() for line in section.splitlines()]
-        lines = [re.sub(r"\s+", " ", line) for line in lines if line]
-        if number:
-            if not lines or not lines[0].startswith("MSG: "):
-                return None
-            name = _short(lines.pop(0)[5:].strip())
-        fields = _parse_fields(lines, name.partition("/")[0])
-        if fields is None:
-            return None
-        result.setdefault(name, fields)
-    return result
-
-
-def _parse_fields(lines: list[str], package: str) -> Fields | None:
-    fields = []
-    for line in lines:
-        if _CONSTANT.match(line):
-            continue
-        match = _FIELD.match(line)
-        if match is None:
-            return None
-        base, _, array, name = match.groups()
-        fields.append((_full(base, package) + re.sub(r"\[<=\d+\]", "[]", array), name.lower()))
-    return tuple(fields)
-
-
-def _full(base: str, package: str) -> str:
-    """Type of a field with its package: types of the same package may be written without."""
-    base = _ALIASES.get(base, base)
-    if "/" in base or re.fullmatch(r"bool|string|wstring|u?int(8|16|32|64)|float(32|64)", base):
-        return _short(base)
-    return f"{package}/{base}"
-
-
-def _short(kind: str) -> str:
-    return kind.replace("/msg/", "/")
-
-
-def _long(kind: str) -> str:
-    package, _, name = kind.partition("/")
-    return f"{package}/msg/{name}"

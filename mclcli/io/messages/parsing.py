@@ -8,15 +8,32 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mclcli.errors import InputError
+from mclcli.io.messages import walking
 from mclcli.io.messages.conversion import Parsed, Undecodable
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from mclcli.io.logs.base import Channel, RawMessage
+    from mclcli.io.messages.layouts import Layout
 
 _LONGEST = 16 << 20  # [bytes] of a message to be told as text: each number takes many times its bytes
 _MOST = 1024  # parsers kept
+NOT_PARSED = "it does not parse: it was cut short, or its bytes are not of its type"
+"""Reason for messages whose parser fails."""
+_LENGTH = "its length is wrong: it was cut short, or is of another version of its type"
+_MUTABLE = "it is XCDR of mutable types (parameter lists), which is not supported; record with plain CDR"
+_CDR = {b"\0\0": "be", b"\0\1": "le"}
+_OTHERS = {
+    **{bytes((0, kind)): _MUTABLE for kind in (2, 3, 0x0A, 0x0B, 0x12, 0x13)},
+    b"\0\4": "it is XML, not CDR",
+    b"\x28\xb5\x2f\xfd": "it is compressed (zstd), and cannot be decompressed",
+    b"\x04\x22\x4d\x18": "it is compressed (lz4); record without compression of messages, or with zstd",
+    b"\x1f\x8b": "it is compressed (gzip); record without compression of messages, or with zstd",
+    b"BZh": "it is compressed (bzip2); record without compression of messages, or with zstd",
+    b"{": "it is JSON, not CDR",
+}
+"""What other messages begin with."""
 
 
 # A channel's hash takes longer than a message's parsing. What stands here keeps its channel, and so its id.
@@ -36,25 +53,61 @@ def parser_for(channel: Channel) -> Callable[[bytes], Parsed] | Undecodable:
 @lru_cache(maxsize=_MOST)
 def _make_parser(channel: Channel) -> Callable[[bytes], Parsed] | Undecodable:
     from mclcli.io.messages.definitions import store_for
+    from mclcli.io.messages.layouts import Layout, layout_for
 
     store = store_for(channel)
-    if isinstance(store, str):
-        return Undecodable(store)
-    definition = store.get_msgdef(channel.type)
-    ros1 = channel.encoding == "ros1"
+    exact = not isinstance(store, str)
+    layout = layout_for(channel) if isinstance(store, str) else Layout(store)
+    if isinstance(layout, str):
+        return Undecodable(layout)
+    try:
+        return (_ros1 if channel.encoding == "ros1" else _cdr)(layout, channel.type, exact=exact)
+    except ValueError as error:
+        return Undecodable(f"its definition of {channel.type} cannot be read: {error}")
+
+
+def _ros1(layout: Layout, kind: str, *, exact: bool) -> Callable[[bytes], Parsed]:
+    """Parser of ROS 1's serialization; ``exact`` where the layout is the store's own."""
+    read = _own(layout, kind, "deserialize_ros1") if exact else walking.reader_for(layout, kind, walking.ROS1)
 
     def parse(data: bytes) -> Parsed:
-        if ros1:
-            value, end = definition.deserialize_ros1(data, 0, definition.cls, store)
-            return value if end == len(data) else Undecodable("its length is wrong")
-        if data[:2] not in {b"\x00\x00", b"\x00\x01"} or len(data) < 4:
-            return Undecodable("it is not plain CDR")
-        read = definition.deserialize_cdr_le if data[1] else definition.deserialize_cdr_be
-        value, end = read(data[4:], 0, definition.cls, store)
-        # Middleware pads messages to a multiple of four bytes.
-        return value if 0 <= len(data) - 4 - end <= 3 else Undecodable("its length is wrong")
+        value, end = read(data, 0)
+        return value if end == len(data) else Undecodable(_LENGTH)
 
     return parse
+
+
+def _cdr(layout: Layout, kind: str, *, exact: bool) -> Callable[[bytes], Parsed]:
+    """Parser of CDR in any encapsulation that can be read; those of XCDR2 get their readers when they are met."""
+    readers = {form: walking.reader_for(layout, kind, walking.CDR[form]) for form in _CDR if not exact}
+    if exact:
+        readers = {form: _own(layout, kind, f"deserialize_cdr_{order}") for form, order in _CDR.items()}
+
+    def parse(data: bytes) -> Parsed:
+        form = data[:2]
+        read = readers.get(form)
+        if read is None or len(data) < 4:
+            if form not in walking.CDR or len(data) < 4:
+                return Undecodable(_not_cdr(data))
+            read = readers[bytes(form)] = walking.reader_for(layout, kind, walking.CDR[form])
+        value, end = read(data[4:], 0)
+        # Middleware pads messages to a multiple of four bytes.
+        return value if 0 <= len(data) - 4 - end <= 3 else Undecodable(_LENGTH)
+
+    return parse
+
+
+def _own(layout: Layout, kind: str, name: str) -> walking.Reader:
+    """rosbags' own reader of a type."""
+    definition, store = layout.store.get_msgdef(kind), layout.store
+    read, make = getattr(definition, name), definition.cls
+    return lambda data, at: read(data, at, make, store)
+
+
+def _not_cdr(data: bytes) -> str:
+    """Why bytes are no CDR that can be read, by the first of them."""
+    names = (what for start, what in _OTHERS.items() if data[: len(start)] == start)
+    return next(names, "it is not plain CDR" if len(data) >= 4 else "it is shorter than a CDR message can be")
 
 
 def to_plain(message: RawMessage) -> dict[str, Any]:
@@ -68,7 +121,7 @@ def to_plain(message: RawMessage) -> dict[str, Any]:
     try:
         value = parse if isinstance(parse, Undecodable) else parse(message.data)
     except Exception:  # noqa: BLE001 - as in decode
-        value = Undecodable("it does not parse")
+        value = Undecodable(NOT_PARSED)
     if isinstance(value, Undecodable):
         topic = message.channel.topic
         raise InputError(f"{topic}: message cannot be decoded: {value.reason}; choose another topic")

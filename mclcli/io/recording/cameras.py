@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mclcli.io.recording.survey import LogSurvey
 
 PIXELS = types_with("pixels")
+RAYS = types_with("rays")
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 _RECTIFIED = re.compile(r"(^|[/_])rect(ified)?([/_]|$)", re.IGNORECASE)
 _KEPT = 64  # calibrations that a zoom camera changed through lately

@@ -13,7 +13,7 @@ import numpy as np
 
 from mclcli.io.recording.clocks import CALENDAR_NS, Clocks
 from mclcli.io.recording.stamps import SECOND, place_of_stamp
-from mclcli.text import clean
+from mclcli.text import clean, counted
 
 if TYPE_CHECKING:
     import struct
@@ -152,7 +152,7 @@ def _oddities(times: Times, clocks: Clocks, seen: str) -> Iterator[str]:
     if not times.jumps:
         yield from _told(f"stamps{seen} jump back by", "more such jumps", times.stamp_jumps, stamped_ns)
     if times.zero_stamps:
-        yield f"{times.zero_stamps}{seen or ' messages'} are not stamped (0)"
+        yield f"{_of(times.zero_stamps, seen)} not stamped (0)"
     if times.lag is not None:
         yield from _lag(times.lag, clocks, seen, simulated=times.simulated)
 
@@ -169,8 +169,15 @@ def _lag(lag: tuple[float, float, float], clocks: Clocks, seen: str, *, simulate
         yield f"stamps{seen} are between {-greatest:+.1f} s and {-least:+.1f} s of {others}"
 
 
+def _of(count: int, seen: str) -> str:
+    if seen:
+        return f"{count}{seen} {'is' if count == 1 else 'are'}"
+    return f"{counted(count, 'message')} {'is' if count == 1 else 'are'}"
+
+
 def _told(what: str, more: str, events: tuple[Event, ...], origin_ns: int) -> Iterator[str]:
     for event in sorted(events, key=lambda event: -event.seconds)[:TOLD]:
         yield f"{what} {event.seconds:.1f} s at {(event.at_ns - origin_ns) / SECOND:.1f} s"
-    if len(events) > TOLD:
-        yield f"{len(events) - TOLD} {more}"
+    rest = len(events) - TOLD
+    if rest > 0:
+        yield f"{rest} {more if rest > 1 else more.replace('gaps', 'gap').replace('jumps', 'jump')}"

@@ -63,6 +63,8 @@ class Recording:
         messages = log.messages(None, self.tally, strict=strict, origin=self._origin)
         if self.survey.complete:
             survey_log(diagnosis.watch(messages) if diagnosis else messages, self.survey)
+            seen = self.survey.topics
+            self.survey.silent = {of.topic: of for of in self.tally.channels if of.topic not in seen}
         else:
             self._rest = messages
             self._look_ahead()

@@ -10,6 +10,7 @@ from mclcli.geometry.frames import TransformTree
 from mclcli.io.recording import cameras, lidars, map_topics, odometry_sources
 from mclcli.io.recording.kinds import MAP, ODOMETRY, POSES, SCAN, SIGHTINGS, TF, is_truth
 from mclcli.io.recording.robots import Robot, find_robots
+from mclcli.io.recording.unusable import problem
 from mclcli.records import Odometry
 from mclcli.text import clean
 from mclcli.world.occupancy import OccupancyGrid
@@ -276,8 +277,8 @@ def _check(survey: LogSurvey, name: str, types: tuple[str, ...]) -> None:
         names = ", ".join(sorted(survey.topics)) or "none"
         raise UsageError(f"no topic '{name}' in the log{nearest_name(name, list(survey.topics))}; it has {names}")
     if topic.sample is None:
-        problem = topic.problem or f"mcl cannot use messages of type {topic.channel.type}"
-        raise UsageError(f"topic '{name}': {problem}; name another topic")
+        why = problem(survey, topic) or f"mcl cannot use messages of type {topic.channel.type}"
+        raise UsageError(f"topic '{name}': {why}; name another topic")
     if topic.channel.type not in types:
         hint = "give --odom another topic, or tf" if types == ODOMETRY else "name another topic"
         raise UsageError(f"topic '{name}': not of type {' or '.join(types)}; {hint}")

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.io.logs.base import Damage, FileFacts, Tally
-from mclcli.io.logs.inflate import CorruptError
-from mclcli.io.logs.log import unreadable
+from mclcli.io.logs.inflate import Budget, CorruptError
+from mclcli.io.logs.log import PACKED, unpack, unreadable
 from mclcli.io.recording.clocks import Clocks, clocks_of
 from mclcli.io.recording.survey import LogSurvey, TopicSurvey
 
@@ -61,8 +61,8 @@ def sample(log: Log, diagnosis: Diagnosis, above: int = LARGE) -> SampledLog | N
 
         for path in log.paths:
             index = read_index(path)
-            if index is None:
-                return None
+            if index is None or not all(channel.type for channel in index.channels.values()):
+                return None  # a metadata.yaml may say the types that it does not
             indexes.append(index)
         return _survey(SampledLog(log), indexes, diagnosis)
     except OSError as error:
@@ -71,7 +71,7 @@ def sample(log: Log, diagnosis: Diagnosis, above: int = LARGE) -> SampledLog | N
 
 def _survey(found: SampledLog, indexes: list[McapIndex], diagnosis: Diagnosis) -> SampledLog:
     chunks = sorted(((i, c) for i in indexes for c in i.chunks), key=lambda pair: pair[1].span_ns)
-    verified = {index.path: 0 for index in indexes}
+    verified, budget = {index.path: 0 for index in indexes}, Budget()
     for number in _choose(chunks):
         index, chunk = chunks[number]
         try:
@@ -81,11 +81,18 @@ def _survey(found: SampledLog, indexes: list[McapIndex], diagnosis: Diagnosis) -
             continue
         verified[index.path] += checked
         for message in sorted(messages, key=lambda message: message.log_time_ns):
-            diagnosis.add(message)
-            found.survey.add(message)
+            plain = unpack(message, budget)
+            if plain is None:
+                found.tally.undecodable += 1
+                found.tally.skip(message.channel.topic, PACKED)
+                continue
+            diagnosis.add(plain)
+            found.survey.add(plain)
     for channel, times in _times(chunks):
         found.survey.topics.setdefault(channel.topic, TopicSurvey(channel)).count_all(times)
         diagnosis.count_all(channel.topic, times)
+    silent = (channel for index in indexes for channel in index.channels.values())
+    found.survey.silent = {of.topic: of for of in silent if of.topic not in found.survey.topics}
     for name, index in zip(found.log.names, indexes, strict=True):
         checksums = f"{verified[index.path]} of {len(index.chunks)} chunks verified, the rest not read"
         found.tally.files.append(FileFacts(name, "MCAP", closed=True, checksums=checksums))

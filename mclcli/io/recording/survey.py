@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry.frames import TransformTree
-from mclcli.io.logs.base import RawMessage
+from mclcli.io.logs.base import RawMessage, Tally
 from mclcli.io.messages.decoding import DECODABLE, Undecodable, decode
 from mclcli.io.messages.sightings import types_with
 from mclcli.io.recording import transforms
@@ -101,12 +101,15 @@ class TopicSurvey:
 class LogSurvey:
     """What a look through a log found: ``topics`` by name, and the ``transforms`` by the namespace of their topics.
 
-    ``complete`` unless only the beginning of a stream was looked at.
+    ``complete`` unless only the beginning of a stream was looked at. ``silent`` are topics without a message. ``tally``
+    notes what was changed or left out in the messages decoded, which nobody has told yet.
     """
 
     topics: dict[str, TopicSurvey] = field(default_factory=dict)
     transforms: dict[str, TransformSurvey] = field(default_factory=dict)
     complete: bool = True
+    silent: dict[str, Channel] = field(default_factory=dict)
+    tally: Tally = field(default_factory=lambda: Tally(announce=False))
 
     @property
     def frames(self) -> TransformTree:
@@ -143,6 +146,18 @@ class LogSurvey:
         usable = (topic for topic in self.topics.values() if topic.sample is not None and topic.channel.type in types)
         return sorted(usable, key=lambda topic: topic.channel.topic)
 
+    def swing(self, tree: TransformTree, a: str, b: str) -> tuple[float, float] | None:
+        """How far [m, rad] a frame ``b`` goes in ``a`` from where it is at first; None if nothing between them moves.
+
+        Several moving edges add up. It is known from a sample.
+        """
+        moving = [frame for frame in set(tree.ancestors(a)) ^ set(tree.ancestors(b)) if tree.moves(frame)]
+        if not moving or not tree.connected(a, b):
+            return None
+        edges = [(tree.parent(frame) or "", frame) for frame in moving]
+        travels = [space.travel(edge) for edge in edges for space in self.transforms.values() if edge in space.sampled]
+        return sum(metres for metres, _ in travels), sum(radians for _, radians in travels)
+
     def statics(self, topics: Collection[str]) -> tuple[Transform, ...]:
         """Fixed transforms, the latest of each child, of the namespaces of some topics of transforms."""
         spaces = [space for space in self.transforms.values() if not set(space.topics).isdisjoint(topics)]
@@ -167,7 +182,7 @@ class LogSurvey:
             topic.kept.keep(RawMessage(channel, message.log_time_ns, bytes(message.data), *message[3:]))
 
     def _decode(self, topic: TopicSurvey, message: RawMessage) -> None:
-        record = decode(message)
+        record = decode(message, self.tally)
         if isinstance(record, Undecodable):
             topic.problem = topic.problem or record.reason
             return

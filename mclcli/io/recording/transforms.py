@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
+import numpy as np
+
 from mclcli.geometry.frames import TransformTree
 from mclcli.io.recording.samples import EvenSample
 
@@ -39,6 +41,13 @@ class TransformSurvey:
     tree: TransformTree = field(default_factory=lambda: TransformTree(keep_history=False))
     statics: dict[str, Transform] = field(default_factory=dict)
     sampled: dict[tuple[str, str], EvenSample[Transform]] = field(default_factory=dict)
+
+    def travel(self, edge: tuple[str, str]) -> tuple[float, float]:
+        """How far [m, rad] the child of an edge (parent, child) goes from where it is at first, by a sample."""
+        matrices = np.array([transform.parent_from_child for transform in self.sampled[edge].items])
+        turned = np.linalg.inv(matrices[0, :3, :3]) @ matrices[:, :3, :3]
+        angles = np.arccos(np.clip((np.trace(turned, axis1=1, axis2=2) - 1.0) / 2.0, -1.0, 1.0))
+        return float(np.linalg.norm(matrices[:, :3, 3] - matrices[0, :3, 3], axis=1).max()), float(angles.max())
 
     def add(self, topic: str, transforms: Iterable[Transform]) -> None:
         """Take the transforms of one message in."""
