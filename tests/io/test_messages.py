@@ -158,7 +158,7 @@ def test_other_types_and_encodings_are_undecodable_with_their_name() -> None:
         "its type 'x/msg/Y' is of no use here"
     )
     result = decode(RawMessage(Channel("/t", "nav_msgs/msg/Odometry", "json"), 0, b"{}"))
-    assert result == Undecodable("its encoding 'json' is not supported")
+    assert result == Undecodable("its encoding 'json' is not supported: mcl reads CDR, and ROS 1's own serialization")
     assert "tf/msg/tfMessage" in DECODABLE
 
 

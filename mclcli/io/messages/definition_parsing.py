@@ -9,8 +9,6 @@ from __future__ import annotations
 
 import re
 
-from mclcli.io.messages import idl
-
 Fields = tuple[tuple[str, str], ...]
 """(type, name) of each field: types as ``float64``, ``geometry_msgs/Pose[]``, ``float64[36]``; bounds left out."""
 
@@ -27,6 +25,7 @@ _FIELD = re.compile(r"^([A-Za-z]\w*(?:/\w+)*)((?:<=\d+)?)((?:\[(?:<=)?\d*\])?) +
 _CONSTANT = re.compile(r"^\S+ +\w+ *=")
 _BORDER = re.compile(r"^={3,}[ \t\r]*$", re.MULTILINE)
 _COMMENT = re.compile(r"#[^\n]*")
+_MODULE = re.compile(r"^\s*module\s+\w+\s*\{", re.MULTILINE)  # what IDL has, and ROS's own language has not
 
 
 def parse_definition(kind: str, text: str) -> dict[str, Fields] | None:
@@ -73,7 +72,9 @@ def _parse_section(section: str, name: str) -> dict[str, Fields] | None:
         name, section = short_name(title.strip()), rest
     elif not name:
         return None
-    if (colon and language == "IDL") or idl.MODULE.search(section):
+    if (colon and language == "IDL") or _MODULE.search(section):
+        from mclcli.io.messages import idl
+
         return idl.parse(section)
     lines = [line.partition("#")[0].strip() for line in section.splitlines()]
     fields = _parse_fields([re.sub(r"\s+", " ", line) for line in lines if line], name.partition("/")[0])

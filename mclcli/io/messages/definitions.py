@@ -22,6 +22,8 @@ from mclcli.io.messages.definition_texts import OLDER, OWN, ROS1, ROS2
 from mclcli.io.messages.sightings import vision_messages
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from rosbags.typesys.store import Typestore
 
     from mclcli.io.logs.base import Channel
@@ -33,17 +35,10 @@ _STORES = {
 _DEFINITION_LIMIT = 1 << 20  # longer texts are not compared, and count as unknown
 
 
-def stores_for(channel: Channel) -> list[Typestore] | str:
-    """Type stores that know a channel's type, the newest version first, or the reason why there is none."""
-    versions = _STORES.get(channel.encoding)
-    if not channel.type:
-        return "it has no schema, and nothing else says its type"
-    if versions is None:
-        encoding = channel.encoding[:40]
-        return f"its encoding {encoding!r} is not supported: mcl reads CDR, and ROS 1's own serialization"
-    stores = [_store(name, age) for name, age in versions]
-    known = [store for store in stores if channel.type in store.fielddefs]
-    return known or f"its type {channel.type[:100]!r} is not known"
+def stores_for(channel: Channel) -> Iterator[Typestore]:
+    """Type stores that know a channel's type, the newest version first; each is built when it is asked for."""
+    stores = (_store(name, age) for name, age in _STORES.get(channel.encoding, ()))
+    return (store for store in stores if channel.type in store.fielddefs)
 
 
 def store_for(channel: Channel) -> Typestore | str:
@@ -51,11 +46,18 @@ def store_for(channel: Channel) -> Typestore | str:
 
     A channel without a definition of its own is taken for the newest version known.
     """
-    stores = stores_for(channel)
-    if isinstance(stores, str):
-        return stores
-    found = next((store for store in stores if _agrees(store, channel)), None)
-    return found or f"its definition of {channel.type} is another version than those known"
+    found = next((store for store in stores_for(channel) if _agrees(store, channel)), None)
+    return found or _unknown(channel) or f"its definition of {channel.type} is another version than those known"
+
+
+def _unknown(channel: Channel) -> str:
+    """Why no store knows a channel's type, empty if one does."""
+    if not channel.type:
+        return "it has no schema, and nothing else says its type"
+    if channel.encoding not in _STORES:
+        encoding = channel.encoding[:40]
+        return f"its encoding {encoding!r} is not supported: mcl reads CDR, and ROS 1's own serialization"
+    return "" if any(stores_for(channel)) else f"its type {channel.type[:100]!r} is not known"
 
 
 def recorded_definition(channel: Channel) -> dict[str, Fields] | None:

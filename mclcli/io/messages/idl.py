@@ -10,8 +10,6 @@ import re
 from dataclasses import dataclass, field
 from typing import final
 
-MODULE = re.compile(r"^\s*module\s+\w+\s*\{", re.MULTILINE)
-"""What a text in IDL has, and none in ROS's own language."""
 Members = tuple[tuple[str, str], ...]
 
 _NOT_UNDERSTOOD = "?"  # a type that agrees with none

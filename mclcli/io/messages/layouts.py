@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, final
 
 from mclcli.io.messages.definition_parsing import Fields, long_name, short_name
-from mclcli.io.messages.definitions import fields_of, recorded_definition, stores_for
+from mclcli.io.messages.definitions import fields_of, recorded_definition, store_for, stores_for
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -79,18 +79,17 @@ class Layout:
 
 
 def layout_for(channel: Channel) -> Layout | str:
-    """Layout of a channel's messages where its definition is another version than ours, or why it cannot be read."""
-    stores = stores_for(channel)
-    if isinstance(stores, str):
-        return stores
+    """Layout of a channel's messages: as the store's, or as the log has it where that has all we need; or why not."""
+    store = store_for(channel)
+    if not isinstance(store, str):
+        return Layout(store)
     recorded = recorded_definition(channel)
-    other = f"its definition of {channel.type} is another version than those known"
     if recorded is None:
-        return other
-    layouts = [Layout(store, recorded) for store in stores]
+        return store
+    layouts = [Layout(known, recorded) for known in stores_for(channel)]
     missing = [layout.misses(channel.type) for layout in layouts]
     fitting = next((layout for layout, what in zip(layouts, missing, strict=True) if not what), None)
-    return fitting or f"{other}: {missing[0][:200]}"
+    return fitting or "".join((store, *(f": {what[:200]}" for what in missing[:1])))
 
 
 def _spelled(name: str) -> str:

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from mclcli.errors import InputError
-from mclcli.io.messages import walking
 from mclcli.io.messages.conversion import Parsed, Undecodable
 
 if TYPE_CHECKING:
@@ -16,6 +15,7 @@ if TYPE_CHECKING:
 
     from mclcli.io.logs.base import Channel, RawMessage
     from mclcli.io.messages.layouts import Layout
+    from mclcli.io.messages.walking import Reader
 
 _LONGEST = 16 << 20  # [bytes] of a message to be told as text: each number takes many times its bytes
 _MOST = 1024  # parsers kept
@@ -52,23 +52,25 @@ def parser_for(channel: Channel) -> Callable[[bytes], Parsed] | Undecodable:
 
 @lru_cache(maxsize=_MOST)
 def _make_parser(channel: Channel) -> Callable[[bytes], Parsed] | Undecodable:
-    from mclcli.io.messages.definitions import store_for
-    from mclcli.io.messages.layouts import Layout, layout_for
+    from mclcli.io.messages.layouts import layout_for
 
-    store = store_for(channel)
-    exact = not isinstance(store, str)
-    layout = layout_for(channel) if isinstance(store, str) else Layout(store)
+    layout = layout_for(channel)
     if isinstance(layout, str):
         return Undecodable(layout)
     try:
-        return (_ros1 if channel.encoding == "ros1" else _cdr)(layout, channel.type, exact=exact)
+        return (_ros1 if channel.encoding == "ros1" else _cdr)(layout, channel.type, exact=not layout.recorded)
     except ValueError as error:
         return Undecodable(f"its definition of {channel.type} cannot be read: {error}")
 
 
 def _ros1(layout: Layout, kind: str, *, exact: bool) -> Callable[[bytes], Parsed]:
     """Parser of ROS 1's serialization; ``exact`` where the layout is the store's own."""
-    read = _own(layout, kind, "deserialize_ros1") if exact else walking.reader_for(layout, kind, walking.ROS1)
+    if exact:
+        read = _own(layout, kind, "deserialize_ros1")
+    else:
+        from mclcli.io.messages import walking
+
+        read = walking.reader_for(layout, kind, walking.ROS1)
 
     def parse(data: bytes) -> Parsed:
         value, end = read(data, 0)
@@ -79,17 +81,18 @@ def _ros1(layout: Layout, kind: str, *, exact: bool) -> Callable[[bytes], Parsed
 
 def _cdr(layout: Layout, kind: str, *, exact: bool) -> Callable[[bytes], Parsed]:
     """Parser of CDR in any encapsulation that can be read; those of XCDR2 get their readers when they are met."""
-    readers = {form: walking.reader_for(layout, kind, walking.CDR[form]) for form in _CDR if not exact}
-    if exact:
-        readers = {form: _own(layout, kind, f"deserialize_cdr_{order}") for form, order in _CDR.items()}
+    readers: dict[bytes, Reader | None] = {
+        form: _own(layout, kind, f"deserialize_cdr_{order}") if exact else _walker(layout, kind, form)
+        for form, order in _CDR.items()
+    }
 
     def parse(data: bytes) -> Parsed:
         form = data[:2]
         read = readers.get(form)
+        if read is None and form not in readers:
+            read = readers[bytes(form)] = _walker(layout, kind, bytes(form))
         if read is None or len(data) < 4:
-            if form not in walking.CDR or len(data) < 4:
-                return Undecodable(_not_cdr(data))
-            read = readers[bytes(form)] = walking.reader_for(layout, kind, walking.CDR[form])
+            return Undecodable(_not_cdr(data))
         value, end = read(data[4:], 0)
         # Middleware pads messages to a multiple of four bytes.
         return value if 0 <= len(data) - 4 - end <= 3 else Undecodable(_LENGTH)
@@ -97,7 +100,18 @@ def _cdr(layout: Layout, kind: str, *, exact: bool) -> Callable[[bytes], Parsed]
     return parse
 
 
-def _own(layout: Layout, kind: str, name: str) -> walking.Reader:
+def _walker(layout: Layout, kind: str, form: bytes) -> Reader | None:
+    """Reader by fields alone of the encapsulation ``form``; None for one that cannot be read.
+
+    Raises ValueError for a definition that cannot be read.
+    """
+    from mclcli.io.messages import walking
+
+    encoding = walking.CDR.get(form)
+    return None if encoding is None else walking.reader_for(layout, kind, encoding)
+
+
+def _own(layout: Layout, kind: str, name: str) -> Reader:
     """rosbags' own reader of a type."""
     definition, store = layout.store.get_msgdef(kind), layout.store
     read, make = getattr(definition, name), definition.cls
