@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import click
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 Pose = tuple[float, float, float]
 
 POSE_UNITS = ("m", "m", "rad")
+_SENSOR = re.compile(r"((lidar|vision)(_\d+)?)?")
 MOUNT_UNITS = ("m", "m", "m", "rad", "rad", "rad")
 
 
@@ -91,6 +93,10 @@ def parse_temperature(ctx: click.Context, param: click.Parameter, values: tuple[
     temperature: dict[str, Temperature] = {}
     for value in values:
         sensor, _, text = value.rpartition("=")
+        if not _SENSOR.fullmatch(sensor):
+            raise click.BadParameter(
+                f"'{sensor}' is no sensor; name lidar or vision, or one of several, lidar_2", param=param
+            )
         temperature[sensor] = _temperature(text, param)
     return temperature
 

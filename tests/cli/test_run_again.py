@@ -119,7 +119,7 @@ def test_a_uniform_start_is_anywhere_and_a_global_one_where_the_scan_is_found(ru
         ("0,0,0,-1,1", "negative", 2),
         ("somewhere", "neither", 2),
         ("/nowhere", "it has /ground_truth, /initialpose, ", 2),
-        ("/scan", "states no pose", 1),
+        ("/scan", "states no pose", 2),
     ],
 )
 def test_an_init_that_is_none(run_short: Runner, init: str, said: str, code: int) -> None:

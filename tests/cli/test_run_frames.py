@@ -183,6 +183,12 @@ def test_a_topic_with_several_bodies_names_them(tmp_path: Path) -> None:
     assert "states poses of 2 frames; name one: tf:world:cart, tf:world:robot" in error
 
 
+def test_bodies_that_take_turns_on_a_topic_are_told_apart(tmp_path: Path) -> None:
+    turns = [sent("/vehicle/gt", 0.1 * i, told(0.1 * i, "world", f"body{i % 2}", np.zeros(3))) for i in range(9)]
+    error = single_error(mcl("eval", TRUTH, "--truth", f"{joined(tmp_path, turns)}:/vehicle/gt"), 1)
+    assert "'/vehicle/gt' states poses of 'body0' in 'world', and of 'body1' in 'world'; name one as tf:" in error
+
+
 def test_a_reference_of_another_frame_of_the_robot(
     office_messages: list[Message], short_track: bytes, tmp_path: Path
 ) -> None:

@@ -113,6 +113,12 @@ def test_a_temperature_out_of_bounds(alpha: str) -> None:
     single_error(mcl("score", SCAN, "--map", REFERENCE_MAP, "--pose", "0,0,0", "--temperature", alpha), 2)
 
 
+def test_a_temperature_of_no_sensor_is_refused() -> None:
+    words = ("score", SCAN, "--map", REFERENCE_MAP, "--pose", "0,0,0", "--temperature")
+    assert "'ldar' is no sensor; name lidar or vision" in single_error(mcl(*words, "ldar=0.5"), 2)
+    assert mcl(*words, "lidar_2=0.5", "--temperature", "vision=0.5").code == 0
+
+
 def test_parameters_of_a_file_and_their_precedence(tmp_path: Path) -> None:
     (tmp_path / "p.yaml").write_text("z_hit: 0.95\nz_rand: 0.05\nsigma_hit: 15cm\nfield_method: brushfire\n")
     named = ("score", SCAN, "--map", REFERENCE_MAP, "--poses", POSES, "--params", tmp_path / "p.yaml")

@@ -115,10 +115,11 @@ MARKERS = {
     "poses": [pose(1.0, -2.0), pose(math.nan, 0.0)],
 }
 BEARINGS = {"header": header("camera"), "ids": ["a", "b"], "bearings": floats([0.5, -3.0])}
-SAMPLES = {
+SAMPLES: dict[str, dict[str, Any]] = {
     "sensor_msgs/msg/LaserScan": SCAN,
     "nav_msgs/msg/Odometry": ODOMETRY,
     "tf2_msgs/msg/TFMessage": {"transforms": [edge(), edge()]},
+    "geometry_msgs/msg/TransformStamped": edge(),
     "geometry_msgs/msg/PoseStamped": {"header": header("map"), "pose": pose()},
     "geometry_msgs/msg/PoseWithCovarianceStamped": {"header": header("map"), "pose": ODOMETRY["pose"]},
     "nav_msgs/msg/OccupancyGrid": GRID,

@@ -65,6 +65,27 @@ def test_static_transforms_are_told_by_their_topic_and_may_have_no_stamp() -> No
 
 
 @BOTH
+def test_a_transform_on_a_topic_of_its_own(encoding: str) -> None:
+    kind = "geometry_msgs/msg/TransformStamped"
+    found = decode(raw(encoding, kind, edge(header=header("/mocap")), topic="/x/tf_static"))
+    assert isinstance(found, Transform)
+    assert (found.stamp_ns, found.parent, found.child, found.static) == (5 * 10**9 + 7, "mocap", "base", False)
+    np.testing.assert_allclose(found.parent_from_child[:3, 3], [3.0, 4.0, 0.3])
+    assert isinstance(decode(raw(encoding, kind, edge(norm=1.2))), Undecodable)
+
+
+@BOTH
+def test_a_pose_is_kept_in_space_too(encoding: str) -> None:
+    lying = pose() | {"orientation": {"x": math.sqrt(0.5), "y": 0.0, "z": 0.0, "w": math.sqrt(0.5)}}
+    found = decode(raw(encoding, "geometry_msgs/msg/PoseStamped", {"header": header("/map"), "pose": lying}))
+    assert isinstance(found, StampedPose)
+    assert found.matrix is not None
+    wanted = np.array([[1.0, 0.0, 0.0, 1.0], [0.0, 0.0, -1.0, 2.0], [0.0, 1.0, 0.0, 0.3], [0.0, 0.0, 0.0, 1.0]])
+    np.testing.assert_allclose(found.matrix, wanted, atol=1e-12)
+    np.testing.assert_array_equal(found.pose, [1.0, 2.0, 0.0])
+
+
+@BOTH
 def test_poses_and_their_covariance(encoding: str) -> None:
     covariance = np.zeros((6, 6))
     covariance[np.ix_([0, 1, 5], [0, 1, 5])] = [[4.0, 1.0, 0.1], [1.0, 3.0, 0.2], [0.1, 0.2, 0.5]]
@@ -97,6 +118,7 @@ def test_occupancy_grid(encoding: str) -> None:
     np.testing.assert_array_equal(grid.cells, [[0, 100, -1], [0, 0, 50]])
     np.testing.assert_allclose(grid.origin, [-1.0, -2.0, 0.25])
     assert grid.resolution == float(np.float32(0.05))
+    assert grid.frame_id == "map"
     info = GRID["info"] | {"width": 4}
     assert decode(raw(encoding, "nav_msgs/msg/OccupancyGrid", GRID | {"info": info})) == Undecodable(
         "its cells are not width × height"

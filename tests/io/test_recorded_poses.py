@@ -63,6 +63,13 @@ def test_what_a_source_names(source: str, log: str, where: str) -> None:
     assert split_source(source) == (log, where)
 
 
+@pytest.mark.parametrize("where", ["odom", "/odom", "tf:map", "tf:map:base_link", "robot/pose", "a:b"])
+def test_whatever_follows_a_log_that_is_there_is_named_in_it(tmp_path: Path, where: str) -> None:
+    log = tmp_path / "a:b.mcap"
+    log.touch()
+    assert split_source(f"{log}:{where}") == (str(log), where)
+
+
 def test_a_file_of_that_name_comes_first(tmp_path: Path) -> None:
     odd = tmp_path / "a:tf:b"
     odd.write_text("1 0 0 0 0 0 0 1\n")

@@ -137,9 +137,9 @@ class OperatorPoses:
 
         self.topic = topic
         self._to_map = ToMap(recording.survey, _for_start(frame, topic), topic)
-        frames = {pose.frame_id for _, pose in recording.first_events([topic]) if isinstance(pose, StampedPose)}
-        self._needs = frozenset({topic}) | self._to_map.topics_for(frames)
-        for _, record in recording.first_events(self._needs):
+        told = [record for record in recording.records(topic) if isinstance(record, StampedPose)]
+        transforms = self._to_map.topics_for({pose.frame_id for pose in told})
+        for record in (found for _, found in recording.first_events({topic, *transforms})) if transforms else told:
             if isinstance(record, StampedPose):
                 self._to_map.take(record)
             elif isinstance(record, tuple):

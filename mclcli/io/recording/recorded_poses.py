@@ -193,8 +193,10 @@ class RecordedPoses:
             self._to_map.tell()
         if self._others:
             names = ", ".join(sorted(f"'{child}' in '{parent}'" for parent, child in self._others)[:_TOLD])
-            text = "%s: poses of '%s' in '%s' are used; it states those of %s as well, which tf:FRAME:CHILD would name"
-            logging.getLogger("mclcli").info(text, self._source, self._stated.body, self._stated.frame, names)
+            used = f"poses of '{self._stated.body}' in '{self._stated.frame}'"
+            if self._stated.body != self._child:
+                raise InputError(f"'{self._source}' states {used}, and of {names}; name one as tf:FRAME:CHILD")
+            logging.getLogger("mclcli").info("%s: %s are used; it also states %s", self._source, used, names)
         return np.array(self._poses).reshape(-1, 3), np.array(self._covariances).reshape(-1, 3, 3)
 
     def _append(self, pose: StampedPose, body: str = "") -> None:
