@@ -112,7 +112,7 @@ def _iso(text: str, option: str) -> int:
 def clock_text(stamp_ns: int) -> str:
     """Stamp as clock time in UTC, ``2022-09-23 21:09:35.123 UTC``; of a clock that did not know the year, ``@SECONDS``.
 
-    Simulated clocks start at 0 or so: what lies before 2001 is not taken for a date.
+    Simulated clocks start at 0 or so: what lies before 1990 is not taken for a date.
     """
     seconds, rest = divmod(stamp_ns, _SECOND)
     if stamp_ns < CALENDAR_NS:

@@ -42,6 +42,13 @@ def test_forms(text: str, stamp: int) -> None:
     assert parse_time(text, "--at").stamp_ns(FIRST) == stamp
 
 
+@pytest.mark.parametrize("text", ["14:32:05", "2022-09-23", "2022-09-23T21:09:35Z"])
+def test_clock_times_mean_nothing_to_stamps_of_no_calendar(text: str) -> None:
+    with pytest.raises(UsageError, match="--start: the log's stamps are of no calendar"):
+        parse_time(text, "--start").stamp_ns(745_250_000_000)
+    assert parse_time(text, "--start").stamp_ns(976_052_890_244_111_061) > 976_000_000 * 10**9
+
+
 @given(st.integers(0, 2**61))
 def test_absolute_seconds_lose_no_digit(stamp: int) -> None:
     assert parse_time(f"@{stamp // 10**9}.{stamp % 10**9:09d}", "--at").stamp_ns(FIRST) == stamp
@@ -72,6 +79,7 @@ def test_durations() -> None:
     [
         (1_663_967_375_123_999_999, "2022-09-23 21:09:35.123 UTC"),
         (1_715_697_000_000_000_000, "2024-05-14 14:30:00.000 UTC"),
+        (976_052_890_244_111_061, "2000-12-05 21:48:10.244 UTC"),
         (1_068_250_000_000, "@1068.250"),
         (0, "@0.000"),
         (2**63 - 1, "2262-04-11 23:47:16.854 UTC"),

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
     from mclcli.io.recording.survey import LogSurvey, TopicSurvey
 
-CALENDAR_NS = 1_000_000_000 * SECOND
-"""Stamps before this (2001) are of no calendar: simulated time begins at 0 or so, and so do clocks never set."""
+CALENDAR_NS = 631_152_000 * SECOND
+"""Stamps before this (1990) are of no calendar: simulated time begins at 0 or so, and so do clocks never set."""
 _ONE_NS = SECOND
 _ALIKE_NS = 60 * SECOND
 
