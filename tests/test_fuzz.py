@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-EXECUTIONS = 1000
+EXECUTIONS = 300
 PLANTED = '''
 def parse(data):
     """Deep in there is a fault."""

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from mclcli.search.branching import Search
 
 SLOW = settings(deadline=None, max_examples=40)
+SLOWEST = settings(deadline=None, max_examples=15)  # every level of large worlds, node by node
 
 
 def brute_force(world: World, search: Search) -> list[tuple[float, int, int, int]]:
@@ -77,7 +78,7 @@ def test_too_many_leaves_are_refused_not_cut_off() -> None:
     assert search.near(value, key, 1e6, 1.0, search.lattice.size - 1) is None
 
 
-@SLOW
+@SLOWEST
 @given(worlds(largest=40))
 def test_the_bound_of_a_node_is_not_below_any_of_its_children_at_every_level(world: World) -> None:
     search = world.search()
@@ -109,14 +110,14 @@ def _some_leaves(search: Search, node: plain.Node, rng: np.random.Generator) -> 
     return [plain.value_of(search, int(a), int(r), int(c)) for a, r, c in inside]
 
 
-@settings(deadline=None, max_examples=25)
+@SLOWEST
 @given(worlds(largest=40))
 def test_the_compiled_search_agrees_with_the_readable_one(world: World) -> None:
     search = world.search()
     assert plain.maximum(search) == search.maximum()
 
 
-@SLOW
+@SLOWEST
 @given(worlds(largest=40))
 def test_the_sweep_finds_every_node_at_a_cost_that_is_a_bound(world: World) -> None:
     search = world.search()
