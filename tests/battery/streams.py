@@ -59,6 +59,11 @@ class Streams(NamedTuple):
         """How many are not as usual."""
         return sum(map(bool, self))
 
+    @property
+    def told(self) -> str:
+        """What is wrong with which."""
+        return ", ".join(f"{name} {how}" for name, how in zip(self._fields, self, strict=True) if how)
+
 
 USUAL = Streams()
 
@@ -72,7 +77,7 @@ def cases(seed: int, share: float) -> list[Case]:
         if streams.wrong in {1, 2} or (streams.wrong and name in {"info", "run to files"})
     ]
     found = found if share == 1.0 else seeded(f"{seed} streams").sample(found, 2)
-    return [Case(f"{name}: {' and '.join(filter(None, s))}", partial(check, name, s)) for name, s in found]
+    return [Case(f"{name}: {s.told}", partial(check, name, s)) for name, s in found]
 
 
 def check(name: str, streams: Streams, folder: Path) -> Verdict:

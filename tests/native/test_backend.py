@@ -107,11 +107,10 @@ def test_a_damaged_file_is_read_as_none_and_compiled_again(tmp_path: Path) -> No
     assert machine_code.read(path)
     start = whole.index(b"\n", whole.index(b"\n") + 1)
     for position in (*range(start + 1), *range(start, len(whole), 997), len(whole) - 1):
-        for change in (0x01, 0x40):
-            damaged = bytearray(whole)
-            damaged[position] ^= change
-            path.write_bytes(damaged)
-            assert machine_code.read(path) is None, (position, change)
+        damaged = bytearray(whole)
+        damaged[position] ^= 0x40 if position % 2 else 0x01
+        path.write_bytes(damaged)
+        assert machine_code.read(path) is None, position
     path.write_bytes(whole[:-1])
     out, said = processes.finish(in_a_process(USE, tmp_path))
     assert out.split()[0] == LENGTH
