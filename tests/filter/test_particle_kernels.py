@@ -13,7 +13,7 @@ from mclcli.filter.temperature import Correlation, correlate
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.native.backend import COMPILED
 from mclcli.records import Estimate
-from tests.kernels.guarded import Guarded, guard
+from tests.kernels.guarded import guarded_arrays
 from tests.reference.filter import mean_and_covariance
 from tests.support import BACKENDS
 
@@ -108,11 +108,6 @@ def test_kernels_have_all_the_room_that_they_use(monkeypatch: pytest.MonkeyPatch
     """A kernel writes into scratch arrays that its caller measures, and would write beside ones that are too small."""
     poses, weights = CLOUDS["all over"], WEIGHTS["all over"]
     wanted = kld.KldParameters(min_particles=1, max_particles=len(poses))
-    given: list[Guarded] = []
-
-    def guarded(shape: Any, dtype: Any = np.float64) -> Any:
-        given.append(guard(zeros(shape, dtype), at_end=False))
-        return given[-1].array
 
     def everything() -> list[Any]:
         found = [clusters.find(poses, weights, wrap_yaw=wrap, backend=COMPILED) for wrap in (False, True)]
@@ -125,12 +120,10 @@ def test_kernels_have_all_the_room_that_they_use(monkeypatch: pytest.MonkeyPatch
             *[draw(weights, 5000, np.random.default_rng(3), COMPILED).tolist() for draw in resamplers],
         ]
 
-    resamplers, zeros = resampling.RESAMPLERS.values(), np.zeros
+    resamplers = resampling.RESAMPLERS.values()
     expected = everything()  # and the kernels are loaded, whose loader makes arrays as well
-    monkeypatch.setattr(np, "empty", guarded)
-    monkeypatch.setattr(np, "zeros", guarded)
-    found = everything()
-    monkeypatch.undo()
+    with guarded_arrays(monkeypatch) as given:
+        found = everything()
     assert found == expected
     assert len(given) > 20
     assert all(one.is_intact() for one in given)

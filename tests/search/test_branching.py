@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from mclcli.search import branching, lattice, plain
 from mclcli.world import pyramid
 from mclcli.world.distance_field import DistanceField
+from mclcli.world.occupancy import FREE, OCCUPIED, OccupancyGrid
 from tests.reference import search as reference
 from tests.search.worlds import World, worlds
 
@@ -134,6 +135,18 @@ def test_the_sweep_finds_every_node_at_a_cost_that_is_a_bound(world: World) -> N
         exact = plain.bound_of(search, fine[i])
         assert exact <= bounds[i]
         assert bounds[i] <= exact + costs.step * search.lattice.ends.shape[1] + 1e-6
+
+
+@pytest.mark.parametrize("shape", [(40, 3), (3, 40)])
+def test_beams_longer_than_the_map_is_wide_are_found_along_it(shape: tuple[int, int]) -> None:
+    rng = np.random.default_rng(4)
+    cells = np.where(rng.random(shape) < 0.2, OCCUPIED, FREE).astype(np.int8)
+    reach = np.array([[25.0, 0.0], [-11.0, 0.5], [17.0, -1.0], [6.0, 1.0], [-3.0, 0.0]])
+    world = World(OccupancyGrid(cells, 0.1, np.zeros(3)), reach, np.ones(shape, bool), _small_room()[3])
+    search = world.search()
+    value, key = search.maximum()
+    angle, row, column = search.lattice.nodes(np.array([key]))[0]
+    assert (value, angle, row, column) == reference.best(brute_force(world, search))
 
 
 def test_a_sweep_stops_and_goes_on_where_the_room_ends(monkeypatch: pytest.MonkeyPatch) -> None:
