@@ -14,13 +14,14 @@ import pytest
 from mclcli.geometry import se2, se3
 from mclcli.records import LandmarkSightings, LaserScan
 from mclcli.replay.finder import GlobalSearch, Limits
+from mclcli.search import branching, window
 from mclcli.search import scene as scenes
-from mclcli.search import window
 from mclcli.search.calibration import Figures, probability
 from mclcli.sensors import beams as beam_selection
 from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingModel, BearingParameters, Bearings
 from mclcli.sensors.endpoints import Anchoring
+from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
 from mclcli.sensors.observation import Observation
 from mclcli.settings import profiles
 from mclcli.world import distance_field
@@ -31,6 +32,7 @@ from tests.worlds import drawn
 
 if TYPE_CHECKING:
     from mclcli.search.parameters import BaseCells
+    from mclcli.sensors.likelihood_field import FieldAnchor, OriginYaw
 
 POSE = (1.3, 1.1, 0.7)
 
@@ -230,6 +232,25 @@ def test_a_region_and_a_disc_hold_the_centres_of_cells() -> None:
     assert np.argwhere(scenes.allowed_cells(grid, "free", None, (1.75, 2.75, 0.5))).tolist() == [
         [0, 1], [1, 0], [1, 1], [1, 2], [2, 1],
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("anchor", ["corner", "half_cell"])
+@pytest.mark.parametrize("turn", ["use", "ignore"])
+def test_poses_of_the_lattice_are_where_their_cells_are(anchor: FieldAnchor, turn: OriginYaw) -> None:
+    field = distance_field.compute(drawn("....\n.#..", 0.5, (1.0, -2.0, 0.4)), "exact", 2.0)
+    model = LikelihoodField(field, LikelihoodFieldParameters(field_anchor=anchor, origin_yaw=turn))
+    anything: Any = None
+    scene = scenes.Scene(model, anything, anything, anything, anything)
+    assert scene.anchoring == Anchoring(anchor == "half_cell", turn == "use")
+    cells = np.array([[0.5, 0.5, 0.0], [3.25, 1.75, 1.0], [-2.0, 9.0, -3.0]])
+    back = np.column_stack(scene.anchoring.to_cells(field, scene.to_map(cells)))
+    np.testing.assert_allclose(back, cells, atol=1e-12)
+
+
+def test_without_sightings_nothing_can_be_added() -> None:
+    """What could be makes bounds looser, and the mass of poses that were not looked at larger."""
+    assert branching.NO_SIGHTINGS.marks.shape == (0, 5)
+    assert branching.NO_SIGHTINGS.law[4] == 0.0
 
 
 def test_the_law_of_sightings_is_that_of_the_bearing_mixture() -> None:
