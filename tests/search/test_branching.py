@@ -139,14 +139,15 @@ def test_the_sweep_finds_every_node_at_a_cost_that_is_a_bound(world: World) -> N
 
 @pytest.mark.parametrize("shape", [(40, 3), (3, 40)])
 def test_beams_longer_than_the_map_is_wide_are_found_along_it(shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(4)
-    cells = np.where(rng.random(shape) < 0.2, OCCUPIED, FREE).astype(np.int8)
-    reach = np.array([[25.0, 0.0], [-11.0, 0.5], [17.0, -1.0], [6.0, 1.0], [-3.0, 0.0]])
+    cells = np.full(shape, FREE, np.int8)
+    cells.reshape(-1)[[17 * 3 + 1, 25 * 3 + 1, 35 * 3 + 1] if shape[0] > shape[1] else [57, 65, 75]] = OCCUPIED
+    reach = np.array([[12.0, 0.0], [20.0, 0.0], [30.0, 0.0]])
     world = World(OccupancyGrid(cells, 0.1, np.zeros(3)), reach, np.ones(shape, bool), _small_room()[3])
     search = world.search()
     value, key = search.maximum()
     angle, row, column = search.lattice.nodes(np.array([key]))[0]
     assert (value, angle, row, column) == reference.best(brute_force(world, search))
+    assert sorted((int(row), int(column))) == [1, 5]
 
 
 def test_a_sweep_stops_and_goes_on_where_the_room_ends(monkeypatch: pytest.MonkeyPatch) -> None:
