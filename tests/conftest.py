@@ -26,10 +26,13 @@ settings.load_profile("mcl")
 def _cache_of_this_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """The compiler's output is kept for all tests of a session, subprocesses included, and for no longer.
 
-    MCL_TEST_CACHE_DIR names a folder that is kept, for many short sessions on the same kernels.
+    Workers of pytest-xdist share it, for the compiler takes longer than most tests. MCL_TEST_CACHE_DIR names a folder
+    that is kept, for many short sessions on the same kernels.
     """
     before = os.environ.get("MCL_CACHE_DIR")
-    os.environ["MCL_CACHE_DIR"] = os.environ.get("MCL_TEST_CACHE_DIR") or str(tmp_path_factory.mktemp("mcl-cache"))
+    temporary = tmp_path_factory.getbasetemp()
+    shared = temporary.parent if "PYTEST_XDIST_WORKER" in os.environ else temporary
+    os.environ["MCL_CACHE_DIR"] = os.environ.get("MCL_TEST_CACHE_DIR") or str(shared / "mcl-cache")
     yield
     if before is None:
         del os.environ["MCL_CACHE_DIR"]

@@ -109,7 +109,7 @@ def _raise(_: Path) -> Verdict:
 
 
 def test_crashes_hangs_and_gigabytes_are_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(harness, "PATIENCE_S", 4.0)
+    monkeypatch.setattr(harness, "PATIENCE_S", 2.0)
     monkeypatch.setattr(processes, "ASLEEP", 20)
     made = [Case("fine", lambda _: FINE), Case("dies", _die), Case("sleeps", _sleep), Case("fills", _fill)]
     made.append(Case("spins", _spin))

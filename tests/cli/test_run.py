@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from mclcli.io.traces.output import Output
 from tests.cli.support import (
     MAPS,
     OFFICE_MAP,
@@ -222,3 +223,17 @@ def test_the_mcap_is_itself_a_log_to_run(everything: Everything, tmp_path: Path)
     result = mcl("run", tmp_path / "trace.mcap", "--init", start, "--particles", 300)
     assert result.code == 0
     assert error_against(result.table, SAMPLES / "office.truth.tum") < 0.15
+
+
+def test_an_interrupt_as_soon_as_a_file_is_there_leaves_nothing(
+    run_short: Runner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    enter = Output.__enter__
+
+    def interrupted(output: Output) -> Output:
+        enter(output)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Output, "__enter__", interrupted)
+    assert run_short("-o", tmp_path / "t.csv").code == 130
+    assert list(tmp_path.iterdir()) == []

@@ -13,9 +13,11 @@ from hypothesis import strategies as st
 from mclcli.filter import clusters, estimate
 from mclcli.geometry import se2
 from tests.reference import clusters as naive
+from tests.support import each_backend
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.native.backend import Backend
 
 poses_of = st.lists(
     st.tuples(st.floats(-2.5, 2.5), st.floats(-2.5, 2.5), st.floats(-math.pi, math.pi)), min_size=1, max_size=60
@@ -90,6 +92,16 @@ def test_the_heaviest_comes_first_whoever_has_more_particles() -> None:
     np.testing.assert_allclose(found.weights, [0.6, 0.4], rtol=1e-12)
     assert (found.labels == np.repeat([1, 0], [90, 10])).all()
     np.testing.assert_allclose(found.heaviest.pose, [8, 0, 1], atol=0.2)
+    np.testing.assert_array_equal(found.heaviest.covariance, found.covariances[0])
+    assert (found.covariances[0] != found.covariances[1]).any()
+
+
+@each_backend
+def test_a_cluster_without_weight_beside_one_with_counts_its_particles_alike(backend: Backend) -> None:
+    poses = np.array([[0.1, 0.0, 0.0], [0.2, 0.0, 0.0], [8.0, 0.0, 0.0], [8.2, 0.0, 0.0]])
+    found = clusters.find(poses, np.array([0.25, 0.75, 0.0, 0.0]), backend=backend)
+    assert found.weights.tolist() == [1.0, 0.0]
+    np.testing.assert_allclose(found.means[:, 0], [0.175, 8.1], rtol=1e-12)
 
 
 def test_of_equal_clusters_the_first_particles_comes_first() -> None:

@@ -57,6 +57,11 @@ def test_without_a_reading_or_a_floor_nothing_speaks_against_a_fit() -> None:
     assert fit.of_all([saying(0.0)], math.nan) == 0.0
 
 
+@pytest.mark.parametrize(("how_well", "factor"), [(0.8, 1.0), (0.65, 0.5), (0.56, 0.2), (0.5, 0.05), (0.1, 0.05)])
+def test_trust_falls_in_proportion_between_its_bounds(how_well: float, factor: float) -> None:
+    assert fit.trust(how_well, 0.5, 0.8) == pytest.approx(factor)
+
+
 @given(st.floats(0, 1), st.floats(0, 1), st.floats(0, 1))
 def test_trust_grows_with_the_fit(one: float, ignored: float, trusted: float) -> None:
     low, high = sorted((ignored, trusted))

@@ -232,3 +232,7 @@ def test_one_particle_is_enough() -> None:
     assert record.ess == 1.0
     assert np.abs(record.estimate.covariance).max() < 1e-30
     assert state.log_weights.tolist() == [0.0]
+
+
+def test_a_run_begins_with_its_first_segment() -> None:
+    assert localizer().step(around_zero(), AHEAD, [sensor(near_one)], 17)[1].segment == 0

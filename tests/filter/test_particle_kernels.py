@@ -11,7 +11,9 @@ import pytest
 from mclcli.filter import clusters, estimate, kld, resampling
 from mclcli.filter.temperature import Correlation, correlate
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
+from mclcli.native.backend import COMPILED
 from mclcli.records import Estimate
+from tests.kernels.guarded import guarded_arrays
 from tests.reference.filter import mean_and_covariance
 from tests.support import BACKENDS
 
@@ -65,9 +67,14 @@ def test_clusters_have_the_same_bits(name: str, *, wrap_yaw: bool) -> None:
 
 @pytest.mark.parametrize("name", sorted(CLOUDS))
 def test_kld_asks_for_the_same_number(name: str) -> None:
-    wanted = kld.KldParameters(min_particles=1, max_particles=len(CLOUDS[name]))
-    one, other = by_both(lambda b: kld.kld_size(CLOUDS[name], wanted, np.random.default_rng(2), b))
-    assert one == other
+    sizes = []
+    for error in (0.001, 0.01, 0.1, 0.8, 1.5):
+        wanted = kld.KldParameters(min(20, len(CLOUDS[name])), len(CLOUDS[name]), error)
+        one, other = (kld.kld_size(CLOUDS[name], wanted, np.random.default_rng(2), backend) for backend in BACKENDS)
+        assert one == other
+        sizes.append(one)
+    assert sizes == sorted(sizes, reverse=True)
+    assert len(set(sizes)) > 2 or name == "one", sizes
 
 
 SIZES = (1, 2, 7, 8, 9, 127, 128, 129, 136, 255, 257, 1000, 2001, 20_003)  # around NumPy's eights and its halves
@@ -95,6 +102,31 @@ def test_correlations_have_the_same_bits(size: int) -> None:
     assert isinstance(one, Correlation)
     assert isinstance(other, Correlation)
     assert one.covariances.tobytes() == other.covariances.tobytes()
+
+
+def test_kernels_have_all_the_room_that_they_use(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A kernel writes into scratch arrays that its caller measures, and would write beside ones that are too small."""
+    poses, weights = CLOUDS["all over"], WEIGHTS["all over"]
+    wanted = kld.KldParameters(min_particles=1, max_particles=len(poses))
+
+    def everything() -> list[Any]:
+        found = [clusters.find(poses, weights, wrap_yaw=wrap, backend=COMPILED) for wrap in (False, True)]
+        return [
+            *[one.labels.tolist() for one in found],
+            kld.kld_size(poses, wanted, np.random.default_rng(2), COMPILED),
+            estimate.weighted_mean(poses, weights, COMPILED).covariance.tolist(),
+            estimate.count_near(poses, 1.0, -2.0, COMPILED),
+            correlate(weights[:720], correlate(weights[720:1440], backend=COMPILED), COMPILED).covariances.tolist(),
+            *[draw(weights, 5000, np.random.default_rng(3), COMPILED).tolist() for draw in resamplers],
+        ]
+
+    resamplers = resampling.RESAMPLERS.values()
+    expected = everything()  # and the kernels are loaded, whose loader makes arrays as well
+    with guarded_arrays(monkeypatch) as given:
+        found = everything()
+    assert found == expected
+    assert len(given) > 20
+    assert all(one.is_intact() for one in given)
 
 
 def test_the_mean_of_many_is_that_of_the_equation() -> None:

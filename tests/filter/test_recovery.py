@@ -144,3 +144,4 @@ def test_anywhere_is_every_free_cell() -> None:
 def test_a_fast_average_slower_than_the_slow_one_is_refused() -> None:
     with pytest.raises(UsageError, match=r"recovery_alpha_fast = 0\.001: must be at least"):
         RecoveryParameters("uniform", 0.1, 0.001)
+    assert RecoveryParameters("uniform", 0.1, 0.1).recovery_alpha_fast == 0.1

@@ -61,6 +61,8 @@ def test_uniform_particles_fill_free_cells_only_and_evenly() -> None:
     assert GRID.free[cells[:, 1], cells[:, 0]].all()
     _, counts = np.unique(cells, axis=0, return_counts=True)
     np.testing.assert_allclose(counts / 40_000, np.full(4, 0.25), atol=0.015)
+    within = GRID.to_cells(cloud[:, :2]) % 1.0
+    np.testing.assert_allclose(np.cov(within.T), np.eye(2) / 12.0, atol=0.002)
     assert ((cloud[:, 2] > -math.pi) & (cloud[:, 2] <= math.pi)).all()
     assert abs(np.exp(1j * cloud[:, 2]).mean()) < 0.02
 
@@ -113,10 +115,14 @@ def test_before_the_first_stated_pose_there_is_no_start() -> None:
 
 
 def test_between_two_close_stated_poses_the_start_is_interpolated() -> None:
-    start = AlongPoses([given(1.5, 2, 0, 0.2), given(1, 1, 0, 0, covariance=EXACTLY)])
+    start = AlongPoses([given(2, 2, 0, 0.2), given(1, 1, 0, 0, covariance=EXACTLY)])
     cloud = start.place(Opening(int(1.25 * SECOND), EMPTY), 2, generator())
     assert isinstance(cloud, np.ndarray)
-    np.testing.assert_allclose(cloud[0], se2.interpolate([1, 0, 0], [2, 0, 0.2], 0.5), atol=1e-12)
+    np.testing.assert_allclose(cloud[0], se2.interpolate([1, 0, 0], [2, 0, 0.2], 0.25), atol=1e-12)
+    later = AlongPoses([StampedPose(2 * SECOND + 1, "map", np.ones(3)), given(1, 1, 0, 0, covariance=EXACTLY)])
+    apart = later.place(Opening(int(1.25 * SECOND), EMPTY), 2, generator())
+    assert isinstance(apart, np.ndarray)
+    assert apart.tolist() == [[1.0, 0.0, 0.0]] * 2  # more than a second apart: carried, not joined
 
 
 def test_a_lone_stated_pose_is_carried_on_by_odometry() -> None:
@@ -133,6 +139,7 @@ def test_a_stated_pose_without_covariance_is_taken_as_good() -> None:
     cloud = AlongPoses([given(0, 0, 0, 0)]).place(Opening(0, EMPTY), 5000, generator())
     assert isinstance(cloud, np.ndarray)
     np.testing.assert_allclose(np.cov(cloud.T), GIVEN_SPREAD, atol=0.001)
+    np.testing.assert_allclose(GIVEN_SPREAD, np.diag([0.01, 0.01, math.radians(5.0) ** 2]), rtol=1e-12)
 
 
 @pytest.mark.parametrize(("first", "last"), [(2, 4), (0, 2), (2, 2)], ids=["starts later", "ends before", "one stamp"])

@@ -86,6 +86,14 @@ def test_autocovariances_are_their_formula(size: int) -> None:
     np.testing.assert_allclose(correlate(values).covariances, expected, rtol=0, atol=1e-14)
 
 
+def test_the_running_average_takes_a_tenth_of_each_new_scan() -> None:
+    first, second = GENERATOR.standard_normal(80), GENERATOR.standard_normal(80) + 3.0
+    after = correlate(second, correlate(first))
+    assert after.mean == pytest.approx(0.9 * first.mean() + 0.1 * second.mean(), rel=1e-12)
+    before = correlate(first).covariances[0]
+    assert after.covariances[0] == pytest.approx(0.9 * before + 0.1 * np.mean((second - after.mean) ** 2), rel=1e-12)
+
+
 def test_auto_is_bounded_and_starts_in_the_middle() -> None:
     assert Correlation(0.0, np.zeros(61)).alpha == 0.5
     assert correlate(np.repeat(GENERATOR.standard_normal(2), 200)).alpha == 0.05
@@ -115,3 +123,11 @@ def test_each_sensor_has_its_own_and_ess_is_shared() -> None:
 def test_only_auto_looks_at_the_beams() -> None:
     seen = temperature.observe([measurement("a", 0.3), measurement("b", "auto")], np.zeros(3), {})
     assert set(seen) == {"b"}
+
+
+@pytest.mark.parametrize(("count", "seen"), [(1, set()), (2, {"lidar"})])
+def test_one_beam_has_no_neighbour_to_correlate_with(count: int, seen: set[str]) -> None:
+    few = Measurement(
+        "lidar", lambda poses: np.zeros(len(poses)), count, 0.0, "auto", lambda _: np.arange(1.0, count + 1.0)
+    )
+    assert set(temperature.observe([few], np.zeros(3), {})) == seen

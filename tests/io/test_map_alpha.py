@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from mclcli.io.maps.alpha import averaged
+from mclcli.io.maps.doubts import averaged
 from mclcli.io.maps.map_description import MapDescription
 from tests.io.map_files import load
 

@@ -7,7 +7,7 @@ import stat
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -258,3 +258,17 @@ def test_keep_may_come_first(tmp_path: Path) -> None:
 )
 def test_stamps_are_exact(stamp_ns: int, text: str) -> None:
     assert stamp_text(stamp_ns) == text
+
+
+def test_an_interrupt_while_a_file_is_made_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = os.open
+
+    def interrupted(*words: Any, **options: Any) -> int:
+        os.close(made(*words, **options))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(os, "open", interrupted)
+    with pytest.raises(KeyboardInterrupt), open_output(tmp_path / "a.csv", binary=False):
+        pass
+    monkeypatch.undo()
+    assert list(tmp_path.iterdir()) == []

@@ -6,6 +6,7 @@ which a kernel must leave as it is. POSIX only.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import mmap
 from dataclasses import dataclass
@@ -14,6 +15,9 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pytest
     from numpy.typing import NDArray
 
 _PATTERN = 0xA5
@@ -47,6 +51,25 @@ def guard(array: NDArray[Any], *, at_end: bool) -> Guarded:
     copy = pages[start : start + array.nbytes].view(array.dtype).reshape(array.shape)
     copy[...] = array
     return Guarded(copy, pages, start)
+
+
+@contextlib.contextmanager
+def guarded_arrays(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Guarded]]:
+    """All arrays that ``np.empty`` and ``np.zeros`` give meanwhile, guarded and full of zeros.
+
+    What a kernel writes beside the scratch array that its caller measured is seen; so is scratch that nobody fills.
+    """
+    given: list[Guarded] = []
+    zeros = np.zeros
+
+    def guarded(shape: Any, dtype: Any = np.float64) -> Any:
+        given.append(guard(zeros(shape, dtype), at_end=False))
+        return given[-1].array
+
+    with monkeypatch.context() as patches:
+        patches.setattr(np, "empty", guarded)
+        patches.setattr(np, "zeros", guarded)
+        yield given
 
 
 def _forbid(address: int) -> None:

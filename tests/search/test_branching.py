@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from mclcli.search import branching, lattice, plain
 from mclcli.world import pyramid
 from mclcli.world.distance_field import DistanceField
+from mclcli.world.occupancy import FREE, OCCUPIED, OccupancyGrid
 from tests.reference import search as reference
 from tests.search.worlds import World, worlds
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from mclcli.search.branching import Search
 
 SLOW = settings(deadline=None, max_examples=40)
+SLOWEST = settings(deadline=None, max_examples=15)  # every level of large worlds, node by node
 
 
 def brute_force(world: World, search: Search) -> list[tuple[float, int, int, int]]:
@@ -77,7 +79,7 @@ def test_too_many_leaves_are_refused_not_cut_off() -> None:
     assert search.near(value, key, 1e6, 1.0, search.lattice.size - 1) is None
 
 
-@SLOW
+@SLOWEST
 @given(worlds(largest=40))
 def test_the_bound_of_a_node_is_not_below_any_of_its_children_at_every_level(world: World) -> None:
     search = world.search()
@@ -109,14 +111,14 @@ def _some_leaves(search: Search, node: plain.Node, rng: np.random.Generator) -> 
     return [plain.value_of(search, int(a), int(r), int(c)) for a, r, c in inside]
 
 
-@settings(deadline=None, max_examples=25)
+@SLOWEST
 @given(worlds(largest=40))
 def test_the_compiled_search_agrees_with_the_readable_one(world: World) -> None:
     search = world.search()
     assert plain.maximum(search) == search.maximum()
 
 
-@SLOW
+@SLOWEST
 @given(worlds(largest=40))
 def test_the_sweep_finds_every_node_at_a_cost_that_is_a_bound(world: World) -> None:
     search = world.search()
@@ -133,6 +135,19 @@ def test_the_sweep_finds_every_node_at_a_cost_that_is_a_bound(world: World) -> N
         exact = plain.bound_of(search, fine[i])
         assert exact <= bounds[i]
         assert bounds[i] <= exact + costs.step * search.lattice.ends.shape[1] + 1e-6
+
+
+@pytest.mark.parametrize("shape", [(40, 3), (3, 40)])
+def test_beams_longer_than_the_map_is_wide_are_found_along_it(shape: tuple[int, int]) -> None:
+    cells = np.full(shape, FREE, np.int8)
+    cells.reshape(-1)[[17 * 3 + 1, 25 * 3 + 1, 35 * 3 + 1] if shape[0] > shape[1] else [57, 65, 75]] = OCCUPIED
+    reach = np.array([[12.0, 0.0], [20.0, 0.0], [30.0, 0.0]])
+    world = World(OccupancyGrid(cells, 0.1, np.zeros(3)), reach, np.ones(shape, bool), _small_room()[3])
+    search = world.search()
+    value, key = search.maximum()
+    angle, row, column = search.lattice.nodes(np.array([key]))[0]
+    assert (value, angle, row, column) == reference.best(brute_force(world, search))
+    assert sorted((int(row), int(column))) == [1, 5]
 
 
 def test_a_sweep_stops_and_goes_on_where_the_room_ends(monkeypatch: pytest.MonkeyPatch) -> None:

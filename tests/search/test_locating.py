@@ -5,7 +5,8 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -13,18 +14,25 @@ import pytest
 from mclcli.geometry import se2, se3
 from mclcli.records import LandmarkSightings, LaserScan
 from mclcli.replay.finder import GlobalSearch, Limits
-from mclcli.search import window
+from mclcli.search import branching, window
+from mclcli.search import scene as scenes
 from mclcli.search.calibration import Figures, probability
 from mclcli.sensors import beams as beam_selection
 from mclcli.sensors.beams import BeamSelection
+from mclcli.sensors.bearing import BearingModel, BearingParameters, Bearings
+from mclcli.sensors.endpoints import Anchoring
+from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
 from mclcli.sensors.observation import Observation
 from mclcli.settings import profiles
+from mclcli.world import distance_field
 from mclcli.world.landmarks import Landmarks
 from mclcli.world.occupancy import UNKNOWN, OccupancyGrid
 from tests.search.scenes import MOUNT, cells_allowed, finder_for, hall, seen_from
+from tests.worlds import drawn
 
 if TYPE_CHECKING:
     from mclcli.search.parameters import BaseCells
+    from mclcli.sensors.likelihood_field import FieldAnchor, OriginYaw
 
 POSE = (1.3, 1.1, 0.7)
 
@@ -207,9 +215,57 @@ def test_refinement_goes_beyond_the_lattice_and_tells_where_it_is_loose() -> Non
 
 @pytest.mark.parametrize(("policy", "cells"), [("free", 1), ("open", 2), ("any", 3)])
 def test_where_the_base_may_be_is_a_choice(policy: BaseCells, cells: int) -> None:
-    from tests.worlds import drawn
-
     assert cells_allowed(drawn("#?."), policy).sum() == cells
+
+
+def test_a_region_and_a_disc_hold_the_centres_of_cells() -> None:
+    grid = drawn("....\n....\n....", 0.5, (1.0, 2.0, 0.0))  # centres at x = 1.25 … 2.75, y = 2.25 … 3.25
+    by_region = {
+        (1.25, 2.25, 2.25, 2.75): (3, 2),
+        (2.25, 2.75, 1.25, 2.25): (3, 2),
+        (1.26, 2.26, 2.24, 3.3): (1, 2),
+        (1.7, 2.0, 1.8, 9.0): (1, 3),
+    }
+    for region, (columns, rows) in by_region.items():
+        allowed = scenes.allowed_cells(grid, "free", region)
+        assert (allowed.any(axis=0).sum(), allowed.any(axis=1).sum()) == (columns, rows), region
+    assert np.argwhere(scenes.allowed_cells(grid, "free", None, (1.75, 2.75, 0.5))).tolist() == [
+        [0, 1], [1, 0], [1, 1], [1, 2], [2, 1],
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("anchor", ["corner", "half_cell"])
+@pytest.mark.parametrize("turn", ["use", "ignore"])
+def test_poses_of_the_lattice_are_where_their_cells_are(anchor: FieldAnchor, turn: OriginYaw) -> None:
+    field = distance_field.compute(drawn("....\n.#..", 0.5, (1.0, -2.0, 0.4)), "exact", 2.0)
+    model = LikelihoodField(field, LikelihoodFieldParameters(field_anchor=anchor, origin_yaw=turn))
+    anything: Any = None
+    scene = scenes.Scene(model, anything, anything, anything, anything)
+    assert scene.anchoring == Anchoring(anchor == "half_cell", turn == "use")
+    cells = np.array([[0.5, 0.5, 0.0], [3.25, 1.75, 1.0], [-2.0, 9.0, -3.0]])
+    back = np.column_stack(scene.anchoring.to_cells(field, scene.to_map(cells)))
+    np.testing.assert_allclose(back, cells, atol=1e-12)
+
+
+def test_without_sightings_nothing_can_be_added() -> None:
+    """What could be makes bounds looser, and the mass of poses that were not looked at larger."""
+    assert branching.NO_SIGHTINGS.marks.shape == (0, 5)
+    assert branching.NO_SIGHTINGS.law[4] == 0.0
+
+
+def test_the_law_of_sightings_is_that_of_the_bearing_mixture() -> None:
+    sigma, eps = 0.04, 0.2
+    model = BearingModel(BearingParameters(sigma, eps))
+    seen = Bearings(np.array([0.1, -0.2]), np.array([0.3, -0.5]), np.array([[1.0, 2.0], [3.0, 1.0]]), 1)
+    field = distance_field.compute(drawn("....\n....", 0.5, (1.0, 2.0, 0.0)), "exact", 2.0)
+    scene: Any = SimpleNamespace(model=SimpleNamespace(field=field), anchoring=Anchoring())
+    found = scenes.sightings_of(scene, [seen], model)
+    for error in (0.0, 0.03, 0.1, 2.0):
+        p = max(found.law[0] * math.exp(found.law[1] * error**2) + found.law[2], found.law[3])
+        assert math.log(p) == pytest.approx(float(model.log_p(np.array([error]))[0]), rel=1e-12)
+    assert found.law[4] == pytest.approx(2.0 * float(model.log_p(np.zeros(1))[0]))
+    np.testing.assert_allclose(found.marks[:, :2], [[0.0, 0.0], [4.0, -2.0]], atol=1e-12)
+    np.testing.assert_allclose(found.marks[:, 2:], [[0.3, 0.2, -0.4], [-0.5, 0.2, -0.4]], atol=1e-12)
 
 
 def test_all_profiles_find_the_robot() -> None:

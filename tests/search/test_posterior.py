@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -11,6 +12,7 @@ import pytest
 from mclcli.search import branching, lattice, posterior
 from mclcli.search.branching import Found
 from mclcli.search.scene import sightings_of
+from mclcli.sensors.beams import Beams
 from tests.search.scenes import finder_for, hall, seen_from
 
 if TYPE_CHECKING:
@@ -111,18 +113,28 @@ def test_figures_are_odds_and_what_does_not_fit(at: Looked) -> None:
     assert weighed.figures.misfit_rays == pytest.approx((rays.log_peak - beam[first]) / rays.count, abs=1e-12)
 
 
+def test_what_does_not_fit_is_told_of_a_single_beam_too(at: Looked) -> None:
+    beams = at.view.beams
+    one = Beams(beams.origins[:1], beams.directions[:1], beams.ranges[:1], beams.r_max, beams.indices[:1], 1)
+    alone = at._replace(view=dataclasses.replace(at.view, beams=one))
+    weighed, (_, field) = weigh(alone, 0.03), logs(alone)
+    expected = at.search.log_p.max() - field[int(weighed.order[0])]
+    assert weighed.figures.misfit == pytest.approx(expected, abs=1e-12)
+
+
 def test_peaks_take_their_neighbours_in(at: Looked) -> None:
     cells = at.search.lattice
-    poses = cells.poses(np.arange(40))
+    keys = (np.arange(8)[:, np.newaxis] * cells.places.shape[1] + np.arange(5)).ravel()  # a block of places
+    poses = cells.poses(keys)
     apart = np.hypot(*(poses[:, :2] - poses[0, :2]).T)
     assert (apart > 3.0).any()
     values = -0.1 * np.arange(40.0)
-    found = Found(0.0, 0, np.arange(40), values, 0.0)
+    found = Found(0.0, 0, keys, values, 0.0)
     peaks = posterior.find_peaks(found, cells, 0.5, 3.0, 0.1)
     near = (apart <= 3.0) & (np.abs(poses[:, 2] - poses[0, 2]) <= 0.1)
     assert peaks.keys[0] == 0
     assert peaks.masses[0] == pytest.approx(np.exp(0.5 * values[near]).sum())
-    assert peaks.keys[1] == np.flatnonzero(~near)[0]
+    assert peaks.keys[1] == keys[np.flatnonzero(~near)[0]]
     assert peaks.masses.sum() + peaks.rest == pytest.approx(np.exp(0.5 * values).sum())
     several = posterior.find_peaks(found, cells, 0.5, 0.1, 0.001)
     assert several.keys.size == posterior.MOST

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from mclcli.native.backend import COMPILED
 from mclcli.parameters import described
 from mclcli.sensors.beam_forms import BeamParameters
 from mclcli.sensors.beams import Beams
@@ -17,6 +18,7 @@ from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldPara
 from mclcli.sensors.models import lidar_entry
 from mclcli.world import distance_field
 from mclcli.world.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from tests.kernels.guarded import guarded_arrays
 from tests.support import BACKENDS
 
 if TYPE_CHECKING:
@@ -161,3 +163,39 @@ def test_bearings(sigma: float, eps: float, count: int) -> None:
     there = ~np.isnan(one)
     assert there.sum() == len(POSES) - 3
     assert one[there].tobytes() == other[there].tobytes()
+
+
+@pytest.mark.parametrize("model", ["likelihood_field", "beam"])
+@pytest.mark.parametrize("lookup", ["nearest", "bilinear"])
+def test_kernels_have_all_the_room_that_they_use(
+    model: str, lookup: FieldLookup, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entry = lidar_entry(model)
+    parameters = LikelihoodFieldParameters(field_lookup=lookup) if model == "likelihood_field" else BeamParameters()
+    made = entry.make(grid(), parameters, distance_field.compute, COMPILED, 1)
+    seen, poses = beams(), POSES[:1100]
+    sighted = Bearings(np.zeros(2), np.linspace(-1.0, 1.0, 19), GENERATOR.uniform(-5, 5, (19, 2)), 2)
+    measured = made.measure("lidar", seen), BearingModel(BearingParameters(), COMPILED).measure("vision", sighted)
+    expected = [one.log_likelihood(poses) for one in measured]
+    with guarded_arrays(monkeypatch) as given:
+        found = [one.log_likelihood(poses) for one in measured]
+    assert [one.tobytes() for one in found] == [one.tobytes() for one in expected]
+    assert len(given) > 3
+    assert all(one.is_intact() for one in given)
+
+
+@pytest.mark.parametrize("model", ["likelihood_field", "beam"])
+@pytest.mark.parametrize("count", [1, 512, 513])
+def test_as_many_beams_as_a_scan_may_have(model: str, count: int) -> None:
+    """Many beams are not taken several poses at a time; a score is the sum of its beams' all the same."""
+    entry = lidar_entry(model)
+    parameters = LikelihoodFieldParameters() if model == "likelihood_field" else BeamParameters()
+    angles = np.linspace(-3.0, 3.0, count)
+    directions = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    seen = Beams(np.zeros((count, 2)), directions, GENERATOR.uniform(0.1, 6.0, count), 8.0, np.arange(count), count)
+    for backend in BACKENDS:
+        measured = entry.make(grid(), parameters, distance_field.compute, backend, 1).measure("lidar", seen)
+        assert measured.each is not None
+        for pose in POSES[600:603]:
+            total = measured.log_likelihood(pose[np.newaxis])[0]
+            assert total == pytest.approx(measured.each(pose).sum(), rel=1e-9)

@@ -8,16 +8,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mclcli.sensors.beams import BeamSelection
-from mclcli.sensors.bearing import BearingModel, BearingParameters
+from mclcli.native.backend import NUMPY
+from mclcli.sensors import Measurement
+from mclcli.sensors.beam_forms import BeamParameters
+from mclcli.sensors.beams import Beams, BeamSelection
+from mclcli.sensors.bearing import BearingModel, BearingParameters, observe
 from mclcli.sensors.instruments import Camera, Lidar, combine
 from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
+from mclcli.sensors.models import lidar_entry
 from mclcli.world import distance_field
 from mclcli.world.landmarks import Landmarks
 from tests.support import level, scan_of, sightings
 from tests.worlds import drawn
 
-FIELD = distance_field.compute(drawn("....\n.#..\n....\n....", 0.5), "exact", 2.0)
+ROOM = drawn("....\n.#..\n....\n....", 0.5)
+FIELD = distance_field.compute(ROOM, "exact", 2.0)
+SOME = Beams(np.zeros((1, 2)), np.array([[1.0, 0.0]]), np.ones(1), 8.0, np.arange(1), 1)
 LIDAR = Lidar("lidar", LikelihoodField(FIELD, LikelihoodFieldParameters()), BeamSelection(), 0.5)
 CAMERA = Camera("vision", BearingModel(BearingParameters()), Landmarks(("a",), np.array([[1.0, 1.0, 0.0]])), 0.25)
 POSES = np.array([[0.5, 0.5, 0.0], [1.0, 0.2, 2.0], [9.0, 9.0, 0.0]])
@@ -66,3 +72,15 @@ def test_no_reading_weighs_nothing() -> None:
     nothing = combine(CAMERA, [])
     assert nothing.log_likelihood(POSES).tolist() == [0.0, 0.0, 0.0]
     assert (nothing.count, nothing.log_peak, nothing.alpha) == (0, 0, 0.25)
+
+
+def test_what_has_no_temperature_of_its_own_is_not_tempered() -> None:
+    scan, seen = scan_of([1.0]), sightings(0, ["a"], level(0.0))
+    field, bearing = LIDAR.model, CAMERA.model
+    bare = [Lidar("lidar", field, BeamSelection()).measure(scan, np.eye(4))]
+    bare += [Camera("vision", bearing, CAMERA.landmarks).measure(seen, np.eye(4))]
+    caster = lidar_entry("beam").make(ROOM, BeamParameters(), distance_field.compute, NUMPY, 1)
+    bare += [field.measure("lidar", SOME), caster.measure("lidar", SOME)]
+    bare += [bearing.measure("vision", observe(seen, np.eye(4), CAMERA.landmarks))]
+    bare += [Measurement("any", lambda poses: poses[:, 0], 1, 0.0)]
+    assert [one.alpha for one in bare] == [1.0] * 6

@@ -119,7 +119,9 @@ class Outputs:
 
     def _open(self, role: Role, target: str) -> None:
         form = format_of(role, target)
-        output = self._stack.enter_context(open_output(target, binary=form.binary, inputs=self._inputs))
+        output = open_output(target, binary=form.binary, inputs=self._inputs)
+        self._stack.push(output)  # before its file is there: an interrupt in between must find it
+        self._stack.enter_context(output)
         self._opened.append(output)
         self._writers.append(form.make(output, self._about))
         if form.stays_whole:

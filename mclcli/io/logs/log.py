@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, final
 from mclcli.errors import InputError
 from mclcli.io.logs.base import Channel, Damage, FileFacts, PassedOver, RawMessage, Span, Wish
 from mclcli.io.logs.inflate import ZSTD, Budget, CorruptError, inflate_frame
-from mclcli.io.logs.merge import merge
-from mclcli.io.logs.reorder import reorder
+from mclcli.io.logs.reorder import merge, reorder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mclcli.errors import InputError, UsageError
-from mclcli.io.maps import alpha, doubts, image
+from mclcli.io.maps import doubts, image
 from mclcli.io.maps.map_description import describe, wrong
 from mclcli.io.tables import safe_yaml
 from mclcli.text import clean
@@ -57,7 +57,7 @@ def load_map(yaml_path: str | Path, *, max_cells: int = MAX_CELLS, allow_outside
     except OSError as error:
         raise InputError(f"{where}: cannot read: {error.strerror or error}; check the file") from error
     grid = OccupancyGrid(to_cells(raster, description), description.resolution, np.array(description.origin))
-    alpha.tell(raster, description, grid.cells, str(where))
+    doubts.tell_opacity(raster, description, grid.cells, str(where))
     doubts.tell(grid, description, document)
     return grid
 

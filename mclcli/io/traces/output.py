@@ -87,6 +87,9 @@ class Output:
             raise
         except OSError as error:
             raise self._failure(error) from error
+        except BaseException:  # an interrupt once the file is there
+            self._discard()
+            raise
         return self
 
     def __exit__(
