@@ -222,3 +222,11 @@ def test_the_mcap_is_itself_a_log_to_run(everything: Everything, tmp_path: Path)
     result = mcl("run", tmp_path / "trace.mcap", "--init", start, "--particles", 300)
     assert result.code == 0
     assert error_against(result.table, SAMPLES / "office.truth.tum") < 0.15
+
+
+@pytest.mark.parametrize("output", [("-o", "-"), ("--track", "-"), ("--steps", "-"), ()])
+def test_nothing_is_on_stdout_of_a_run_that_is_refused(output: tuple[str, ...]) -> None:
+    words = ("--map", OFFICE_MAP, "--init", "/initialpose", "--particles", 50, "--duration", 0.001)
+    result = mcl("run", SAMPLES / "office.mcap", *words, *output)
+    assert (result.code, result.out) == (1, b"")
+    assert "could be used" in result.err
