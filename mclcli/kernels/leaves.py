@@ -38,13 +38,17 @@ def spread(codes, cost, low, left, plane):  # type: ignore[no-untyped-def]
     last = nb.int64(cost.size - 1)
     if last < 0 or not (-_FAR < low < _FAR and -_FAR < left < _FAR):
         return
-    off = cost[last]
+    begin = min(max(-left, 0), plane.shape[1])  # of the columns on the map
+    end = max(min(width - left, plane.shape[1]), begin)
     for row in range(plane.shape[0]):
-        y = row + low
-        for column in range(plane.shape[1]):
-            x = left + column
-            inside = (y >= 0) & (y < height) & (x >= 0) & (x < width)
-            plane[row, column] = cost[min(nb.int64(codes[y, x]), last)] if inside else off
+        y, line = row + low, plane[row]
+        if 0 <= y < height:
+            line[:begin], line[end:] = cost[last], cost[last]
+            some = codes[y, begin + left :]
+            for i in range(end - begin):
+                line[begin + i] = cost[min(nb.int64(some[i]), last)]
+        else:
+            line[:] = cost[last]
 
 
 @nb.njit(**OPTIONS)
@@ -163,13 +167,12 @@ def look(  # type: ignore[no-untyped-def]
     stop = limit + _whole(np.floor(_FURTHER / (alpha * step)), 0.0, 65535.0) if alpha > 0.0 else limit
     most = weights[max(min(stop, weights.size - 1), 0)] if alpha > 0.0 and weights.size > 0 else 0.0
     mass, angle_count = 0.0, min(ends.shape[0], starts.shape[0], angles.size)
-    low, high = _extremes(starts)
+    few = nodes.shape[0] < angle_count or alpha == 0.0  # hardly any node is looked at then
+    low, high = _extremes(starts[:0] if few else starts)
     for n in range(nodes.shape[0]):
         t, top, left = nodes[n, 0], SIDE * nb.int64(nodes[n, 1]), SIDE * nb.int64(nodes[n, 2])
         rows, columns = min(SIDE, height - top), min(SIDE, width - left)
         if not (0 <= t < angle_count and top >= 0 and rows > 0 and left >= 0 and columns > 0):
-            continue
-        if not _reaches(cells.size, top * stride + left, low, high, (SIDE - 1) * stride + SIDE):
             continue
         if alpha == 0.0:
             if costs[n] > limit:
@@ -177,6 +180,10 @@ def look(  # type: ignore[no-untyped-def]
             bound = _bound(pool, shape, ends[t], top, left, table) + law[4]
             if bound < real[0] or (bound == real[0] and (t * height + top) * width + left > whole[0]):
                 continue
+        if few:
+            low, high = _extremes(starts[t : t + 1])
+        if not _reaches(cells.size, top * stride + left, low, high, (SIDE - 1) * stride + SIDE):
+            continue
         if not _cost_block(cells, starts[t], top * stride + left, stride, stop, sums):
             mass += rows * columns * most
             continue

@@ -48,14 +48,22 @@ def _cells_on_map(block, size, end_x, end_y, width, cells):  # type: ignore[no-u
 
 @nb.njit(**OPTIONS)
 def _cells(block, size, end_x, end_y, width, height, cells):  # type: ignore[no-untyped-def]
-    """Cells of one beam's endpoints, −1 off the map."""
+    """Cells of one beam's endpoints, −1 off the map; how many are on it."""
     x, y, cos, sin = block[0, :size], block[1, :size], block[2, :size], block[3, :size]
-    right, top = nb.float64(width), nb.float64(height)
+    right, top, on_map = nb.float64(width), nb.float64(height), np.int32(0)
     for i in range(size):
         column = x[i] + (cos[i] * end_x - sin[i] * end_y)
         row = y[i] + (sin[i] * end_x + cos[i] * end_y)
         inside = (column >= 0.0) & (column < right) & (row >= 0.0) & (row < top)
         cells[i] = _cell(x[i], y[i], cos[i], sin[i], end_x, end_y, width) if inside else np.int32(-1)
+        on_map += np.int32(inside)
+    return on_map
+
+
+@nb.njit(**OPTIONS)
+def _add(total, value):  # type: ignore[no-untyped-def]
+    for i in range(total.size):
+        total[i] += value
 
 
 @nb.njit([_signature(code, _TABLE, nb.float64[::1]) for code in (nb.uint16, nb.uint32)], **OPTIONS)
@@ -71,7 +79,9 @@ def sum_log_p(  # type: ignore[no-untyped-def]
     if log_p.size == 0:
         return
     if not _holds(min(codes.size, _MOST_CELLS), height, width):
-        height = width = 0  # everything is off the map
+        for _ in range(ends.size // 2):
+            _add(out[: poses.shape[0]], log_p[log_p.size - 1])
+        return
     last, wide = nb.uint32(min(log_p.size, _MOST_CELLS) - 1), np.int32(width)
     end_x, end_y = ends[: ends.size // 2], ends[ends.size // 2 :]
     first, second, third, fourth = cells[0], cells[1], cells[2], cells[3]
@@ -91,10 +101,13 @@ def sum_log_p(  # type: ignore[no-untyped-def]
                     total[i] = value + log_p[min(nb.uint32(codes[nb.uint32(fourth[i])]), last)]
                 b += 4
             else:
-                _cells(block, size, end_x[b], end_y[b], wide, height, first)
+                if _cells(block, size, end_x[b], end_y[b], wide, height, first) == 0:
+                    _add(total, log_p[last])
+                    b += 1
+                    continue
                 for i in range(size):
-                    code = nb.uint32(codes[nb.uint32(first[i])]) if first[i] >= 0 else last
-                    total[i] += log_p[min(code, last)]
+                    code = nb.uint32(codes[nb.uint32(max(first[i], 0))])  # so that there is nothing to guess
+                    total[i] += log_p[min(code if first[i] >= 0 else last, last)]
                 b += 1
 
 
@@ -104,7 +117,8 @@ def look_up(  # type: ignore[no-untyped-def]
 ):
     """Fill ``out`` (B, N) with the code of the cell where each beam ends, ``off_map`` off the map; as ``sum_log_p``."""
     if not _holds(min(codes.size, _MOST_CELLS), height, width):
-        height = width = 0
+        out[:, : poses.shape[0]] = off_map
+        return
     wide = np.int32(width)
     end_x, end_y = ends[: ends.size // 2], ends[ends.size // 2 :]
     for start in range(0, poses.shape[0], _BLOCK):
@@ -123,40 +137,50 @@ def look_up(  # type: ignore[no-untyped-def]
                 b += 4
             else:
                 found, row = cells[0], out[b, start : start + size]
-                _cells(block, size, end_x[b], end_y[b], wide, height, found)
+                if _cells(block, size, end_x[b], end_y[b], wide, height, found) == 0:
+                    row[:] = off_map
+                    b += 1
+                    continue
                 for i in range(size):
-                    row[i] = codes[nb.uint32(found[i])] if found[i] >= 0 else off_map
+                    code = codes[nb.uint32(max(found[i], 0))]
+                    row[i] = code if found[i] >= 0 else off_map
                 b += 1
 
 
 @nb.njit(**OPTIONS)
+def _greatest(first, second, third, fourth):  # type: ignore[no-untyped-def]
+    """Greatest of four rows of codes, found in vectors, so that no look-up need test."""
+    most = first[0]
+    for i in range(first.size):
+        most = max(most, max(max(first[i], second[i]), max(third[i], fourth[i])))
+    return most
+
+
+@nb.njit(**OPTIONS)
 def _cut_off(codes, last):  # type: ignore[no-untyped-def]
-    """Replace codes beyond ``last`` by it; whether there are any is found in vectors, so that no look-up need test."""
-    most = codes[0]
     for i in range(codes.size):
-        most = max(most, codes[i])
-    if most > last:
-        for i in range(codes.size):
-            codes[i] = min(codes[i], last)
+        codes[i] = min(codes[i], last)
 
 
 @nb.njit([nb.void(code[:, ::1], _TABLE, nb.float64[::1]) for code in (nb.uint16, nb.uint32)], **OPTIONS)
 def sum_looked_up(found, log_p, out):  # type: ignore[no-untyped-def]
     """Add to ``out`` (N,) the sum over beams of ``log_p[found[beam, particle]]``, beams in their order.
 
-    Codes beyond the last of ``log_p`` become it.
+    Codes beyond the last of ``log_p`` stand for it, and may become it.
     """
     count, n = found.shape
-    if log_p.size == 0 or n == 0:
+    if log_p.size == 0:
         return
-    for b in range(count):
-        _cut_off(found[b], nb.uint32(min(log_p.size, _MOST_CELLS) - 1))
-    for start in range(0, n, _BLOCK):
-        total = out[start : start + _BLOCK]
+    last, block = nb.uint32(min(log_p.size, _MOST_CELLS) - 1), 2 * _BLOCK
+    for start in range(0, n, block):
+        total = out[start : start + block]
         b = 0
         while b + 4 <= count:
-            first, second = found[b, start : start + _BLOCK], found[b + 1, start : start + _BLOCK]
-            third, fourth = found[b + 2, start : start + _BLOCK], found[b + 3, start : start + _BLOCK]
+            first, second = found[b, start : start + block], found[b + 1, start : start + block]
+            third, fourth = found[b + 2, start : start + block], found[b + 3, start : start + block]
+            if _greatest(first, second, third, fourth) > last:
+                for k in range(4):
+                    _cut_off(found[b + k, start : start + block], last)
             for i in range(total.size):
                 value = total[i] + log_p[first[i]]
                 value += log_p[second[i]]
@@ -164,9 +188,9 @@ def sum_looked_up(found, log_p, out):  # type: ignore[no-untyped-def]
                 total[i] = value + log_p[fourth[i]]
             b += 4
         for rest in range(b, count):
-            one = found[rest, start : start + _BLOCK]
+            one = found[rest, start : start + block]
             for i in range(total.size):
-                total[i] += log_p[one[i]]
+                total[i] += log_p[min(nb.uint32(one[i]), last)]
 
 
 @nb.njit([nb.void(code[:, ::1], nb.int64, nb.int64[::1]) for code in (nb.uint16, nb.uint32)], **OPTIONS)

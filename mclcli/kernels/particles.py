@@ -27,9 +27,13 @@ def ancestors(cumulative, pointers, out):  # type: ignore[no-untyped-def]
     Where none is greater, that of the last one.
     """
     i, last = 0, cumulative.size - 1
+    greatest = cumulative[last] if last >= 0 else -np.inf
     for n in range(pointers.size):
-        while i < last and cumulative[i] <= pointers[n]:
-            i += 1
+        if pointers[n] < greatest:  # which ends the search
+            while cumulative[i] <= pointers[n]:
+                i += 1
+        elif pointers[n] >= greatest:
+            i = max(last, 0)
         out[n] = i
 
 

@@ -237,3 +237,11 @@ def test_an_interrupt_as_soon_as_a_file_is_there_leaves_nothing(
     monkeypatch.setattr(Output, "__enter__", interrupted)
     assert run_short("-o", tmp_path / "t.csv").code == 130
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("output", [("-o", "-"), ("--track", "-"), ("--steps", "-"), ()])
+def test_nothing_is_on_stdout_of_a_run_that_is_refused(output: tuple[str, ...]) -> None:
+    words = ("--map", OFFICE_MAP, "--init", "/initialpose", "--particles", 50, "--duration", 0.001)
+    result = mcl("run", SAMPLES / "office.mcap", *words, *output)
+    assert (result.code, result.out) == (1, b"")
+    assert "could be used" in result.err

@@ -174,3 +174,83 @@ def test_zeros_between_the_records_of_a_bag_are_no_damage(padding: int, tmp_path
     assert lost(read(bytes(data[:first]) + bytes(index - first) + bytes(data[index:]))) == COUNT, (
         "zeros over messages are"
     )
+
+
+FOOTER = records.record(records.FOOTER, bytes(20))
+
+
+@pytest.mark.parametrize("pipe", [False, True])
+@pytest.mark.parametrize("chunked", [False, True])
+@pytest.mark.parametrize("what", [FOOTER, FOOTER + records.MAGIC, FOOTER + bytes(3)])
+def test_a_footer_in_the_middle_of_a_file_does_not_end_it(what: bytes, *, chunked: bool, pipe: bool) -> None:
+    data = mcap_bytes(STAMPS, chunked=chunked, **INDEXED)
+    at = chunks(data)[4][0] if chunked else [start for kind, start, _ in spans(data) if kind == records.MESSAGE][50]
+    seen = read(data[:at] + what + data[at:], pipe=pipe)
+    assert numbers(seen) == ALL
+    assert any("is not the end" in damage.what and not damage.lossless for damage in seen.damages)
+
+
+@pytest.mark.parametrize("length", [20, 21])
+def test_a_record_turned_into_a_footer_does_not_end_a_file(length: int) -> None:
+    data = mcap_bytes(STAMPS, **INDEXED)
+    at = chunks(data)[4][0]
+    hurt = records.record(records.FOOTER, records.text("n" * (length - 8)) + bytes(4))  # it was metadata
+    seen = read(data[:at] + hurt + data[at:])
+    assert numbers(seen) == ALL
+    assert any(not damage.lossless for damage in seen.damages)
+
+
+@pytest.mark.parametrize("chunked", [False, True])
+def test_what_stands_behind_a_moved_end_is_read(*, chunked: bool) -> None:
+    data = mcap_bytes(STAMPS, chunked=chunked)
+    end = next(start for kind, start, _ in spans(data) if kind == records.DATA_END)
+    at = chunks(data)[4][0] if chunked else [start for kind, start, _ in spans(data) if kind == records.MESSAGE][50]
+    seen = read(data[:at] + data[end:] + data[at:end])
+    assert numbers(seen) == ALL
+    assert any(not damage.lossless for damage in seen.damages)
+
+
+@pytest.mark.parametrize("pipe", [False, True])
+def test_copies_behind_the_end_of_a_whole_file_are_ignored(*, pipe: bool) -> None:
+    data = mcap_bytes(STAMPS)
+    start, stop = chunks(data)[4]
+    seen = read(data + data[start:stop], pipe=pipe)
+    assert (numbers(seen), [damage.lossless for damage in seen.damages]) == (ALL, [True])
+
+
+@pytest.mark.parametrize("kind", range(16))
+@pytest.mark.parametrize("what", [records.CHUNK, records.MESSAGE_INDEX])
+def test_a_chunk_whose_head_was_swallowed_is_read_whatever_its_bytes_look_like(kind: int, what: int) -> None:
+    """Where the record before it says that it ends stands a byte of a time: of any value, as that of any record."""
+    stamps = [kind * 0x0101010101010101 + number * 10**5 for number in range(COUNT)]
+    data = bytearray(mcap_bytes(stamps))
+    (before,) = (i for i, (_, start, _) in enumerate(spans(bytes(data))) if start == chunks(bytes(data))[4][0])
+    at = max(start for number, start, _ in spans(bytes(data))[:before] if number == what)
+    end = next(stop for _, start, stop in spans(bytes(data)) if start == at)
+    into = 9 + 6 if what == records.MESSAGE_INDEX else -1
+    if what == records.CHUNK:  # cut its indexes out, so that a chunk follows
+        del data[end : chunks(bytes(data))[4][0]]
+        into = 9 + 6
+    assert data[end + into] == kind
+    struct.pack_into("<Q", data, at + 1, end - at - 9 + into)
+    found = numbers(read(bytes(data)))
+    assert set(ALL) - set(found) <= set(range(18, 40)) if what == records.CHUNK else found == ALL
+
+
+@pytest.mark.parametrize("bag", [False, True])
+def test_a_damaged_chunk_is_told_where_its_index_is_damaged_too(tmp_path: Path, *, bag: bool) -> None:
+    from rosbags.rosbag1 import Writer
+
+    if bag:
+        data = bytearray(ros1_bag(tmp_path / "x.bag", COUNT, Writer.CompressionFormat.BZ2))
+        at = data.index(b"compression=")
+        data[at + 60] ^= 1
+        data[data.index(b"count=", at) + 9] = 127
+    else:
+        data = bytearray(mcap_bytes(STAMPS))
+        start, stop = chunks(bytes(data))[2]
+        data[start + 80] ^= 1
+        data[stop + 5] = 1
+    told = [damage.what for damage in read(bytes(data)).damages]
+    assert any("chunk at byte" in what for what in told)
+    assert any("framing is broken" in what for what in told)

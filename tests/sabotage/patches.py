@@ -38,9 +38,23 @@ _LOGS = [
     Patch(
         "later chunks are read where framing broke",
         "io/logs/mcap_file.py",
-        "if self.resumes < RESUMES and self.search():",
-        "if self.resumes < 0 and self.search():",
+        "if self.resumes >= RESUMES or not self.search():",
+        "if self.resumes >= 0 or not self.search():",
         "io/test_logs_mcap.py -k resumes",
+    ),
+    Patch(
+        "what a damaged record has swallowed is searched, whatever stands behind it",
+        "io/logs/mcap_file.py",
+        "if self.safe_at < at:",
+        "if self.safe_at < at and rec.RECORD.unpack(head)[0] not in rec.KNOWN:",
+        "io/test_logs_losses.py -k swallowed",
+    ),
+    Patch(
+        "an end in the middle of a file does not end it",
+        "io/logs/mcap_file.py",
+        "and not another and not whole:",
+        "and not another and whole is None:",
+        "io/test_logs_losses.py -k footer or moved_end",
     ),
     Patch(
         "checksums of chunks are verified",
@@ -224,6 +238,13 @@ _OUTPUTS = [
         "                self._temporary.unlink()",
         "                pass",
         _WRITES,
+    ),
+    Patch(
+        "nothing is on stdout of a run that is refused",
+        "cli/run/outputs.py",
+        "            if kind is None:\n                self._begin()",
+        "            self._begin()",
+        "cli/test_run.py -k refused",
     ),
     Patch(
         "an output is never an input",

@@ -48,9 +48,10 @@ def command(options: LocateOptions) -> ExitCode:
         open_output(options.picture, binary=True, inputs=inputs)  # refuses now what it would refuse at the end
     result = locate_output.Results(options, search, grid, inputs)
     with open_output(options.output, binary=False, inputs=inputs) as output:
-        output.write(result.header)
+        header = result.header
         for moment in moments:
-            output.write(result.add(moment))
+            output.write(header + result.add(moment))  # nothing before it is known that there is something to say
+            header = ""
     if not result.count:
         raise InputError(f"{options.source.scan}: no scan there that can be used; `mcl info` shows what the log has")
     result.conclude()

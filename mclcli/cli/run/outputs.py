@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from mclcli.cli.run.options import RunOptions
     from mclcli.io.recording.recording import Recording
     from mclcli.io.recording.roles import Roles
-    from mclcli.io.traces.formats import Role, Writer
+    from mclcli.io.traces.formats import Format, Role, Writer
     from mclcli.records import StepRecord, TrackPoint, Transform
     from mclcli.replay.loop import Setup
     from mclcli.settings.profiles import Settings
@@ -71,6 +71,7 @@ class Outputs:
         self._stack = ExitStack()
         self._opened: list[Output] = []
         self._writers: list[Writer] = []
+        self._waiting: list[tuple[Format, Output]] = []  # tables that no line was written to
         self._whole: list[Output] = []
 
     @property
@@ -91,6 +92,8 @@ class Outputs:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         try:
+            if kind is None:
+                self._begin()
             for writer in self._writers:
                 writer.close()
             for output in self._whole:
@@ -104,6 +107,8 @@ class Outputs:
 
     def write(self, point: TrackPoint) -> None:
         """Write one point everywhere it belongs."""
+        if self._waiting:
+            self._begin()
         self.track.append(point)
         if point.step is not None:
             self.last_step = point.step
@@ -123,9 +128,17 @@ class Outputs:
         self._stack.push(output)  # before its file is there: an interrupt in between must find it
         self._stack.enter_context(output)
         self._opened.append(output)
-        self._writers.append(form.make(output, self._about))
+        if form.binary:  # some pass transforms on, which come before any row
+            self._writers.append(form.make(output, self._about))
+        else:
+            self._waiting.append((form, output))
         if form.stays_whole:
             self._whole.append(output)
+
+    def _begin(self) -> None:
+        """Begin what was opened: tables with their first row, so that nothing is on stdout of a run that is refused."""
+        self._writers += [form.make(output, self._about) for form, output in self._waiting]
+        self._waiting.clear()
 
 
 def _parameters_yaml(settings: Settings) -> str:

@@ -244,8 +244,9 @@ class _Pass:
         if indexed and raw[:4] == rec.MAGIC[:4]:
             yield self.report.beyond(at, f"another log follows at byte {at}; it is not read, split the file there")
             return False
+        yield from self.report.flush()
         self.src.unread(raw[1:] + (data or b""))
-        if head.kind == 0:
+        if self.safe_at < at:
             self.src.go_to(self.safe_at)
         if self.resumes < RESUMES and self.search(indexed=indexed):
             self.resumes += 1

@@ -111,11 +111,10 @@ class _Pass:
 
     def checksums(self) -> str:
         """Whether the messages are covered by checksums."""
-        if self.data_checked or (self.checked and not self.unchecked and not self.loose):
+        unchecked = self.unchecked or self.loose
+        if self.data_checked or (self.checked and not unchecked):
             return "yes"
-        if not (self.checked or self.unchecked or self.loose):
-            return "unknown"
-        return "in part" if self.checked else "no"
+        return "in part" if self.checked else "no" if unchecked else "unknown"
 
     def record(self, at: int, head: bytes, crc: int) -> Generator[Item | Nameless, None, bool]:
         """Read one record's content and take it in."""
@@ -142,9 +141,11 @@ class _Pass:
             yield from self.contents.records(head + body, at)
         elif kind in {rec.SCHEMA, rec.CHANNEL}:
             yield from self.contents.define(kind, body)
+        elif kind == rec.FOOTER:
+            return (yield from self.close(at, head + body, crc))
         elif taken:
-            yield from self.housekeeping(at, kind, head + body, crc)
-        return bool(kind != rec.FOOTER)
+            yield from self.housekeeping(at, kind, body, crc)
+        return True
 
     def skipped(self) -> frozenset[int]:
         """Kinds of records that are not read as a whole."""
@@ -156,9 +157,8 @@ class _Pass:
             return self.contents.reads_as_message(kind, start)
         return not search.fits(kind, length, start, self.src.left + len(start))
 
-    def housekeeping(self, at: int, kind: int, record: bytes, crc: int) -> Iterator[Item]:
-        """Records about the records: indexes, statistics, checksums, the end; and what stands beside the messages."""
-        body = record[9:]
+    def housekeeping(self, at: int, kind: int, body: bytes, crc: int) -> Iterator[Item]:
+        """Records about the records: indexes, statistics, checksums; and what stands beside the messages."""
         if kind == rec.MESSAGE_INDEX:
             self.report.count_index(rec.index_entries(body), int.from_bytes(body[6:14], "little"), self.last_span)
         elif kind == rec.CHUNK_INDEX and (index := rec.parse_chunk_index(body)) is not None:
@@ -168,13 +168,10 @@ class _Pass:
         elif kind == rec.DATA_END:
             (declared,) = struct.unpack_from("<I", body)
             if declared not in {0, crc} and self.src.crc_valid and not self.report.hurt:
-                yield self.report.beyond(
-                    at, "data section fails its checksum; something outside its chunks was altered"
-                )
+                what = "data section fails its checksum; something outside its chunks was altered"
+                yield self.report.beyond(at, what)
             self.data_checked = declared != 0
             self.data_ended, self.src.crc, self.src.crc_valid = True, 0, True
-        elif kind == rec.FOOTER:
-            yield from self.close(at, record, crc)
         elif self.channels.wish.beside:
             yield from self.beside(at, kind, body)
 
@@ -187,23 +184,29 @@ class _Pass:
             what = "attachment" if kind == rec.ATTACHMENT else "metadata record"
             yield parsed or self.report.lost(at, f"{what} at byte {at} is damaged and left out", 0)
 
-    def close(self, at: int, footer: bytes, crc: int) -> Iterator[Item]:
-        """Check what the footer says of the summary, and the mark at the end of the file."""
-        self.closed = True
+    def close(self, at: int, footer: bytes, crc: int) -> Generator[Item, None, bool]:
+        """Check the summary and the mark at the end; True if records follow, and messages are missing so far."""
         (declared,) = struct.unpack_from("<I", footer, 25)
         if declared not in {0, zlib.crc32(footer[:25], crc)} and self.src.crc_valid and self.data_ended:
             self.inventory.forget()
             yield self.report.harmless(at, "summary fails its checksum and is not used")
-        if self.src.read(len(rec.MAGIC)) != rec.MAGIC:
+        mark = self.src.read(len(rec.MAGIC))
+        rest = self.src.read(len(rec.MAGIC)) if mark == rec.MAGIC else mark[:0]
+        another, end = rest == rec.MAGIC, self.src.offset - len(rest)
+        whole = self.data_ended and self.inventory.expected() in {None, self.contents.messages}
+        if (rest or mark != rec.MAGIC) and not another and not whole:
+            self.src.unread(rest or mark)
+            self.data_ended = False
+            if self.resume(at, f"footer at byte {at} is not the end"):
+                return True
+        self.closed = True
+        if mark != rec.MAGIC:
             yield self.report.harmless(at, "file lacks its closing mark")
-        elif rest := self.src.read(len(rec.MAGIC)):
-            end = self.src.offset - len(rest)
-            if rest == rec.MAGIC:
-                yield self.report.beyond(
-                    end, f"another log follows at byte {end}; it is not read, split the file there"
-                )
-            else:
-                yield self.report.harmless(end, "bytes after the end of the log are ignored")
+        elif another:
+            yield self.report.beyond(end, f"another log follows at byte {end}; it is not read, split the file there")
+        elif rest:
+            yield self.report.harmless(end, "bytes after the end of the log are ignored")
+        return False
 
     def chunk(self, at: int, body: bytes) -> Iterator[Item | Nameless]:
         """Messages of one chunk, or nothing of it."""
@@ -279,17 +282,11 @@ class _Pass:
 
     def broken(self, at: int, head: bytes, body: bytes | None) -> Generator[Item | Nameless, None, bool]:
         """Framing is wrong at byte ``at``: find the next record that makes sense, or see the file as cut there."""
+        yield from self.report.flush()
         self.src.unread(head[1:] + (body or b""))
-        if rec.RECORD.unpack(head)[0] not in rec.KNOWN:
+        if self.safe_at < at:
             self.src.go_to(self.safe_at)
-        if self.resumes < RESUMES and self.search():
-            self.resumes += 1
-            next_chunk = search.peek_chunk(self.src)
-            last_ns = self.contents.last_ns
-            span = (last_ns, next_chunk.first_ns) if next_chunk and last_ns is not None else (None, None)
-            self.report.apart = self.report.apart or self.loose or self.unchecked > 0
-            what = f"framing is broken at byte {at}; read on from byte {self.src.offset}"
-            self.report.bad_chunk = self.report.lost(at, what, None, *span)
+        if self.resume(at, f"framing is broken at byte {at}"):
             return True
         if self.data_ended:
             self.inventory.forget()
@@ -297,6 +294,16 @@ class _Pass:
             return False
         yield from self.cut(at, head, body)
         return False
+
+    def resume(self, at: int, what: str) -> bool:
+        """Go on at the next record behind damage at byte ``at``, which ``what`` says; False if there is none."""
+        if self.resumes >= RESUMES or not self.search():
+            return False
+        self.resumes += 1
+        self.report.apart = self.report.apart or self.loose or self.unchecked > 0
+        until = search.until_chunk(self.src, self.contents.last_ns)
+        self.report.bad_chunk = self.report.lost(at, f"{what}; read on from byte {self.src.offset}", None, *until)
+        return True
 
     def search(self) -> bool:
         """Go to the next record: of any kind before the data end, then to the next chunk."""
@@ -327,8 +334,7 @@ class _Pass:
         if body is None:
             self.src.go_to(at + len(head))
             body = self.src.read(min(length, self.src.left, CHUNK_LIMIT))
-        chunk = rec.parse_chunk_head(body) if kind == rec.CHUNK else None
-        if chunk is None:
+        if kind != rec.CHUNK or (chunk := rec.parse_chunk_head(body)) is None:
             yield self.report.lost(at, CUT)
             return
         before = self.contents.messages
@@ -336,8 +342,8 @@ class _Pass:
         yield from self.contents.records(plain, at, cut=True)
         recovered = self.contents.messages - before
         first = self.contents.last_ns if recovered else chunk.first_ns
-        what = f"{CUT}; {recovered} messages of its last chunk were recovered unverified" if recovered else CUT
-        yield self.report.lost(at, what, None, first, chunk.last_ns)
+        more = f"; {recovered} messages of its last chunk were recovered unverified" if recovered else ""
+        yield self.report.lost(at, CUT + more, None, first, chunk.last_ns)
 
     def end(self, at: int, *, whole: bool) -> Damage:
         """The file is over without a footer."""

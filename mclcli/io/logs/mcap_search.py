@@ -103,11 +103,12 @@ def fits(kind: int, length: int, start: bytes, left: int) -> bool:
     return needed == length or chunk_within(start, left) is None
 
 
-def peek_chunk(src: ByteSource) -> rec.ChunkHead | None:
-    """Head of the chunk record that comes next, if one does."""
+def until_chunk(src: ByteSource, last_ns: int | None) -> tuple[int, int] | tuple[None, None]:
+    """From ``last_ns`` to the first log time of the chunk record that comes next; (None, None) if either is unknown."""
     ahead = src.read(rec.RECORD.size + HEAD_LIMIT)
     src.unread(ahead)
-    return rec.parse_chunk_head(ahead[rec.RECORD.size :]) if ahead[:1] == bytes([rec.CHUNK]) else None
+    head = rec.parse_chunk_head(ahead[rec.RECORD.size :]) if ahead[:1] == bytes([rec.CHUNK]) else None
+    return (None, None) if head is None or last_ns is None else (last_ns, head.first_ns)
 
 
 def record_start(
