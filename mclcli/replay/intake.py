@@ -18,7 +18,7 @@ from mclcli.replay.tally import ReplayTally, Reset
 from mclcli.sensors.observation import Observation
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Callable, Iterator, Mapping
 
     from mclcli.arrays import FloatArray
     from mclcli.filter.localizer import Localizer
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from mclcli.geometry.frames import TransformTree
     from mclcli.motion.odometry import Jump
     from mclcli.sensors.instruments import Instrument, Reading
+    from mclcli.world.occupancy import OccupancyGrid
 
 _GAP_NS = 1_000_000_000
 _JUMP_NS = 1_000_000_000  # time going back so far is a new segment; less is disorder
@@ -47,6 +48,7 @@ class Setup:
     scans. With ``deskew`` each beam is scored from where the base was at its own time. ``proposal`` says where a robot
     that seems lost may be; without it no particle is drawn anew. ``search`` places particles where the robot may be
     anywhere once odometry was reset: ``start`` itself if that presupposes nothing; without it the filter goes on.
+    Where ``map_topic`` is named, each grid that comes on it is the map from then on: ``over`` makes the instruments.
     """
 
     localizer: Localizer
@@ -65,11 +67,13 @@ class Setup:
     odometry_limits: OdometryParameters = field(default_factory=OdometryParameters)
     proposal: Proposal | None = None
     search: Start | None = None
+    map_topic: str = ""
+    over: Callable[[OccupancyGrid], Mapping[str, Instrument]] | None = None
 
     @property
     def topics(self) -> set[str]:
         """Topics whose messages the replay needs."""
-        return {*self.instruments, self.odometry, *self.transform_topics, self.follow} - {"tf", ""}
+        return {*self.instruments, self.odometry, *self.transform_topics, self.follow, self.map_topic} - {"tf", ""}
 
     def until_ns(self, reading: Reading) -> int:
         """Stamp of the last thing that is scored of a reading: with ``deskew`` of a scan's last beam."""
@@ -119,6 +123,10 @@ class Intake:
     def finished(self) -> bool:
         """Whether odometry has passed the end of the window and nothing waits."""
         return not self._waiting and self.path.ends_after(self._setup.window_ns[1])
+
+    def go_on_with(self, setup: Setup) -> None:
+        """Take readings in for other instruments on the same topics."""
+        self._setup = setup
 
     def triggers(self, topic: str) -> bool:
         """Whether a topic's readings make updates."""

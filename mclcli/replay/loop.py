@@ -9,7 +9,7 @@ import dataclasses
 import itertools
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, final
 
 from mclcli import rng
@@ -22,6 +22,7 @@ from mclcli.records import Estimate, LandmarkSightings, LaserScan, StampedPose, 
 from mclcli.replay.intake import Intake, Setup
 from mclcli.replay.measuring import measure
 from mclcli.replay.tally import ReplayTally, Reset
+from mclcli.world.occupancy import OccupancyGrid
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -49,6 +50,8 @@ def replay(
     intake = Intake(setup, tally)
     run = _Run(setup, tally, intake)
     for topic, record in events:
+        if topic == setup.map_topic and isinstance(record, OccupancyGrid):
+            run.change_map(record)
         intake.take(topic, record)
         for usable in intake.ready():
             yield from run.take(usable)
@@ -110,6 +113,7 @@ class _Run:
         self._since_update: list[Observation] = []
         self._astray: deque[tuple[Observation, ...]] = deque(maxlen=_LOOKED_BACK)
         self._belief: _Belief | None = None
+        self._map = ""
 
     def take(self, usable: Observation | StampedPose) -> Iterator[TrackPoint]:
         """Use one reading, or a pose that somebody gave: the next trigger begins anew around it."""
@@ -124,6 +128,20 @@ class _Run:
             self._restart()
         else:
             yield from self._begin(usable) if self._belief is None else self._process(usable)
+
+    def change_map(self, grid: OccupancyGrid) -> None:
+        """Score over another map from here on; one without an obstacle is counted and left."""
+        if self._setup.over is None or not grid.occupied.any():
+            self._tally.skipped[self._setup.map_topic, "map without an occupied cell"] += 1
+            return
+        if grid.digest() == self._map:
+            return
+        self._map, before = grid.digest(), self._map
+        if not before:  # the one that the run began with
+            return
+        self._setup = replace(self._setup, instruments=self._setup.over(grid))
+        self._intake.go_on_with(self._setup)
+        self._tally.maps += 1
 
     def close(self) -> Iterator[TrackPoint]:
         """No more readings will come: a start that holds some has to answer now."""

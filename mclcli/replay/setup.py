@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Final
 
 from mclcli import motion
@@ -56,6 +57,7 @@ def prepare(
     make_field: FieldMaker = distance_field.compute,
     threads: int = 1,
     follow: str = "",
+    map_topic: str = "",
     deskew: bool = False,
     scan_offset_ns: int = 0,
     proposal: Proposal | None = None,
@@ -91,6 +93,8 @@ def prepare(
         How many threads score; the results are the same.
     follow
         Topic of poses that an operator states; the filter begins anew around each. Without a start it begins there.
+    map_topic
+        Topic of maps, each of which counts from when it comes; ``grid`` counts until then.
     deskew
         Score each beam of a scan from where the robot was at the beam's own time.
     scan_offset_ns
@@ -117,10 +121,17 @@ def prepare(
         beams = _readings(survey, scored, settings)
         is_compiled = grid is not None and lidar_entry(settings.model).compiled
         backend = COMPILED if is_compiled else choose(settings.kld.max_particles * beams, rounds=beams)
-    instruments = {
-        **_lidars(roles, grid, settings, temperature or {}, make_field, backend, threads),
-        **_cameras(roles, landmarks, settings, temperature or {}, backend),
-    }
+    over = partial(
+        _instruments,
+        roles,
+        landmarks,
+        settings,
+        temperature or {},
+        make_field=make_field,
+        backend=backend,
+        threads=threads,
+    )
+    instruments = over(grid)
     if not roles.odometry or not (roles.scan or roles.vision):
         raise InputError("; ".join(obstacles(survey, roles.scan, roles.vision, roles.odometry)))
     if not instruments:
@@ -147,8 +158,27 @@ def prepare(
         deskew=deskew,
         odometry_limits=settings.odometry,
         proposal=_proposal(settings, grid, proposal),
+        map_topic=map_topic,
+        over=over,
         search=begin if search is None and isinstance(begin, Anywhere) else search,
     )
+
+
+def _instruments(
+    roles: Roles,
+    landmarks: Landmarks | None,
+    settings: Settings,
+    temperature: Mapping[str, Temperature],
+    grid: OccupancyGrid | None,
+    *,
+    make_field: FieldMaker,
+    backend: Backend,
+    threads: int,
+) -> dict[str, Instrument]:
+    return {
+        **_lidars(roles, grid, settings, temperature, make_field, backend, threads),
+        **_cameras(roles, landmarks, settings, temperature, backend),
+    }
 
 
 def _proposal(settings: Settings, grid: OccupancyGrid | None, given: Proposal | None) -> Proposal | None:

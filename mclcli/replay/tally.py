@@ -50,6 +50,7 @@ class ReplayTally:
     injected: int = 0
     restarts: int = 0
     segments: int = 1
+    maps: int = 0
     time_jumps: int = 0
     further_logs: int = 0
     distance: float = 0.0

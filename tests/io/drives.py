@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 SCAN, ODOMETRY, TF = "sensor_msgs/msg/LaserScan", "nav_msgs/msg/Odometry", "tf2_msgs/msg/TFMessage"
 GRID = "nav_msgs/msg/OccupancyGrid"
 WIDTH, HEIGHT = 8.0, 5.0
-LAPS = (0.12, 0.03, 0.4)
+WALL = 0.025  # how deep a beam goes into the cells that border the map
+MOUNT = (0.12, 0.03, 0.4)
 NO_COVARIANCE = np.zeros(36)
 
 
@@ -44,7 +45,7 @@ def odom(t: float) -> Pose:
 
 
 def room() -> OccupancyGrid:
-    """Map of the room, its corner at the origin, 5 cm cells; a pillar makes it unlike itself when it is turned."""
+    """Map of the room, its corner at the origin, 5 cm cells."""
     cells = np.full((round(HEIGHT / 0.05), round(WIDTH / 0.05)), FREE, np.int8)
     cells[[0, -1], :] = cells[:, [0, -1]] = OCCUPIED
     return OccupancyGrid(cells, 0.05, np.zeros(3))
@@ -86,8 +87,8 @@ def scan(
     x, y, yaw = se2.compose(pose(t), mount).tolist()
     angles = yaw + np.linspace(-half, half, beams)
     with np.errstate(divide="ignore"):
-        across = np.where(np.cos(angles) > 0, WIDTH - x, -x) / np.cos(angles)
-        along = np.where(np.sin(angles) > 0, HEIGHT - y, -y) / np.sin(angles)
+        across = np.where(np.cos(angles) > 0, WIDTH - WALL - x, WALL - x) / np.cos(angles)
+        along = np.where(np.sin(angles) > 0, HEIGHT - WALL - y, WALL - y) / np.sin(angles)
     return {
         "header": stamped(t, frame),
         "angle_min": -half,
@@ -121,7 +122,7 @@ class Drive:
     space: str = ""
     prefix: str = ""
     lead: float = 0.0
-    mount: Pose = LAPS
+    mount: Pose = MOUNT
     seconds: float = 10.0
     tf_space: str | None = None
     with_odometry: bool = True

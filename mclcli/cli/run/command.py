@@ -173,6 +173,7 @@ def _set_up(
     from mclcli.io.maps.field_cache import cached_field
     from mclcli.replay import setup as assemble
 
+    frames = chosen.settings.frames
     grid = _find_map(options, recording, parts, chosen.settings)
     warn_of_turned_map(grid, chosen.settings)
     landmarks = _read_landmarks(options.topics.landmarks)
@@ -192,6 +193,7 @@ def _set_up(
         proposal=proposal,
         search=search,
         follow=told.topic if told else "",
+        map_topic=parts.map if options.map_file is None and frames.map_update == "follow" else "",
         deskew=options.deskew,
         scan_offset_ns=options.scan_offset_ns,
         seed=options.seed,

@@ -130,6 +130,7 @@ def _events_of(setup: Setup, tally: ReplayTally) -> list[str]:
         f"{clean(setup.follow)}: the filter began anew {_times(again)}, at each of its poses": again,
         f"time jumped back {_times(back)}; the filter began anew in each segment": back,
         f"{counted(tally.injected, 'particle')} drawn anew": tally.injected,
+        f"{clean(setup.map_topic)}: the map changed {_times(tally.maps)}": tally.maps,
     }
     passed_over = _skipped(tally, setup.follow)
     follow = [f"{clean(setup.follow)}: {passed_over.removeprefix(', ')}"] if setup.follow and passed_over else []

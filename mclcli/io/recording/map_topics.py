@@ -74,7 +74,9 @@ def _frame(topic: TopicSurvey) -> str:
 def pick(name: str, grids: Sequence[OccupancyGrid], update: MapUpdate, warn: Callable[[str], None]) -> OccupancyGrid:
     """The message to use of a map's topic, of all that can be used, at least one, in order of time."""
     first, last = grids[0], grids[-1]
-    if update in {"first", "follow"} or len(grids) == 1:
+    if update == "follow":
+        return next((grid for grid in grids if grid.occupied.any()), first)
+    if update == "first" or len(grids) == 1:
         return first
     if update == "last" or contains(last, first):
         return last
@@ -89,7 +91,9 @@ def which(grid: OccupancyGrid, grids: Sequence[OccupancyGrid]) -> str:
     """What to say of a message that was picked, empty where it is the only one."""
     if len(grids) == 1:
         return ""
-    return f", the {'last' if grid is grids[-1] else 'first'} of {len(grids)} messages"
+    place = next(number for number, other in enumerate(grids) if other is grid)
+    names = {0: "the first", len(grids) - 1: "the last"}
+    return f", {names.get(place, f'number {place + 1}')} of {len(grids)} messages"
 
 
 def contains(later: OccupancyGrid, earlier: OccupancyGrid) -> bool:
