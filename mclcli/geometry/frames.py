@@ -87,6 +87,9 @@ class TransformTree:
         self._chosen: dict[str, str] = {}
         self._fixed: dict[tuple[str, str], FloatArray] = {}  # looked up where nothing moves
 
+    def __repr__(self) -> str:
+        return f"TransformTree({len(self._edges)} edges)"
+
     def replayed(self) -> TransformTree:
         """Tree for reading the log again: what never moves is known from the start, what moves is not known yet."""
         tree = TransformTree()
