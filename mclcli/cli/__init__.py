@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -88,4 +89,8 @@ def main(args: Sequence[str] | None = None) -> None:
     """Run the command line and exit with its code."""
     from mclcli.cli.process import run
 
+    if "_MCL_COMPLETE" in os.environ:
+        from mclcli.cli.completion import answer
+
+        sys.exit(answer(group))
     sys.exit(run(group, list(sys.argv[1:] if args is None else args)))

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, final, get_args
 
 import click
 
-from mclcli.cli import options
+from mclcli.cli import completion, options
 from mclcli.cli.parse import named, parse_picture
 from mclcli.world import FieldMethod
 
@@ -54,7 +54,7 @@ class FieldOptions:
     callback=named(".npy"),
     help="Write the field: float64 metres, row 0 at the bottom; - is stdout.",
 )
-@click.option("--png", metavar="F.png", callback=parse_picture, help="Draw the field.")
+@click.option("--png", metavar="F.png", shell_complete=completion.files, callback=parse_picture, help="Draw the field.")
 @click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
 @click.option("--no-cache", is_flag=True, help="Neither read nor write the cache.")
 @options.map_limits

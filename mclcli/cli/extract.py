@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal, final, get_args
 
 import click
 
-from mclcli.cli import console, options, parse
+from mclcli.cli import completion, console, options, parse
 from mclcli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
@@ -37,8 +37,13 @@ class ExtractOptions:
 
 
 @click.command("extract", short_help="Print one message of a log, a laser scan ready for `mcl score -`.")
-@click.argument("log", metavar="LOG")
-@click.option("--topic", metavar="TOPIC", help="Topic of the message; the laser scans if not given.")
+@click.argument("log", metavar="LOG", shell_complete=completion.files)
+@click.option(
+    "--topic",
+    metavar="TOPIC",
+    help="Topic of the message; the laser scans if not given.",
+    shell_complete=completion.topics("any"),
+)
 @click.option(
     "--at",
     metavar="TIME",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import click
 
-from mclcli.cli import info_lidars, options
+from mclcli.cli import completion, info_lidars, options
 from mclcli.errors import AmbiguousRobotError, ExitCode
 from mclcli.text import clean, counted
 
@@ -35,7 +35,7 @@ class InfoOptions:
 
 
 @click.command("info", short_help="What a log holds, which topic plays which part, and how to run it.")
-@click.argument("logs", metavar="LOG...", nargs=-1, required=True)
+@click.argument("logs", metavar="LOG...", nargs=-1, required=True, shell_complete=completion.files)
 @click.option("--json", "as_json", is_flag=True, help="Print everything as JSON.")
 @click.option("--deep", is_flag=True, help="Read a log above 1 GiB whole, and verify every checksum in it.")
 @options.common

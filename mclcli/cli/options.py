@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar, final, get_args
 
 import click
 
+from mclcli.cli import completion
 from mclcli.cli.parse import parse_at, parse_mounts, parse_settings, parse_temperature
 from mclcli.sensors.models import LIDAR_MODELS
 from mclcli.settings import Profile
@@ -157,10 +158,15 @@ robot = click.option("--robot", metavar="NAME", help="Which robot of a log that 
 scan_source = together(
     ScanSource,
     "source",
-    click.argument("scan", metavar="SCAN"),
+    click.argument("scan", metavar="SCAN", shell_complete=completion.files),
     click.option("--at", metavar="TIME", callback=parse_at, help="Of a log: the scan nearest to this time."),
     click.option("--index", metavar="N", type=click.IntRange(min=0), help="Of a log: the scan of this number, from 0."),
-    click.option("--scan-topic", metavar="TOPIC", help="Of a log: the topic of the scan."),
+    click.option(
+        "--scan-topic",
+        metavar="TOPIC",
+        help="Of a log: the topic of the scan.",
+        shell_complete=completion.topics("scan"),
+    ),
     robot,
 )
 
@@ -207,6 +213,7 @@ parameters = together(
         multiple=True,
         metavar="KEY=VALUE",
         callback=parse_settings,
+        shell_complete=completion.settings,
         help="One parameter; repeatable. `mcl params` lists them.",
     ),
 )

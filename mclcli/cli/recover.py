@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, final
 
 import click
 
-from mclcli.cli import console, options
+from mclcli.cli import completion, console, options
 from mclcli.errors import ExitCode, InputError
 from mclcli.text import clean, counted
 
@@ -32,7 +32,7 @@ class RecoverOptions:
 
 
 @click.command("recover", short_help="Save every whole message of a damaged log into a clean MCAP.")
-@click.argument("logs", metavar="DAMAGED...", nargs=-1, required=True)
+@click.argument("logs", metavar="DAMAGED...", shell_complete=completion.files, nargs=-1, required=True)
 @click.option("-o", "--output", metavar="GOOD.mcap", required=True, help="Where to write; - is stdout.")
 @options.common
 @options.into(RecoverOptions)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, final, get_args
 
 import click
 
-from mclcli.cli import options
+from mclcli.cli import completion, options
 from mclcli.cli.parse import parse_picture
 from mclcli.errors import UsageError
 from mclcli.evaluate import Method
@@ -183,7 +183,7 @@ limit_options = options.together(
 )
 
 eval_options = options.all_of(
-    click.argument("tracks", metavar="TRACK...", nargs=-1, required=True),
+    click.argument("tracks", metavar="TRACK...", shell_complete=completion.files, nargs=-1, required=True),
     click.option(
         "--truth",
         required=True,
@@ -194,6 +194,7 @@ eval_options = options.all_of(
     click.option(
         "--picture",
         metavar="F.png",
+        shell_complete=completion.files,
         callback=parse_picture,
         help="Draw the tracks over the reference, and errors over time.",
     ),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, final
 
 import click
 
-from mclcli.cli import options
+from mclcli.cli import completion, options
 from mclcli.cli.parse import parse_length, parse_picture
 from mclcli.quantity import parse_list
 
@@ -102,7 +102,12 @@ locate_options = options.all_of(
         callback=parse_length,
         help="Of a log: join the scans of the S seconds up to the scan, by odometry.",
     ),
-    click.option("--odom", metavar="TOPIC|tf", help="Of a log: odometry topic, or tf."),
+    click.option(
+        "--odom",
+        metavar="TOPIC|tf",
+        help="Of a log: odometry topic, or tf.",
+        shell_complete=completion.topics("odometry", "tf"),
+    ),
     click.option(
         "--prior",
         metavar="X,Y,YAW,R[,A]",
@@ -131,12 +136,18 @@ locate_options = options.all_of(
         "--bearings", type=click.Path(path_type=Path), help="Of a single scan: bearings seen, CSV: id, bearing."
     ),
     click.option(
-        "-o", "--output", metavar="FILE", default="-", help="Where the result goes; - is stdout.  [default: -]"
+        "-o",
+        "--output",
+        metavar="FILE",
+        shell_complete=completion.files,
+        default="-",
+        help="Where the result goes; - is stdout.  [default: -]",
     ),
     click.option("--json", "as_json", is_flag=True, help="JSON instead of CSV: a line per scan, with all figures."),
     click.option(
         "--picture",
         metavar="F.png",
+        shell_complete=completion.files,
         callback=parse_picture,
         help="Draw the places on the map, and the (last) scan from the best.",
     ),

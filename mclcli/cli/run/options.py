@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, final, get_args
 
 import click
 
-from mclcli.cli import options
+from mclcli.cli import completion, options
 from mclcli.cli.parse import parse_at, parse_picture
 from mclcli.errors import UsageError
 from mclcli.filter import Recovery
@@ -95,16 +95,25 @@ topic_options = options.together(
         "scans",
         multiple=True,
         metavar="TOPIC|all",
+        shell_complete=completion.topics("scan", "all"),
         help="Laser scan topic, or all lidars of the robot; the first one given triggers updates.",
     ),
-    click.option("--odom", metavar="TOPIC|tf", help="Odometry topic, or tf."),
-    click.option("--vision", multiple=True, metavar="TOPIC", help="Topic of landmark sightings; needs --landmarks."),
+    click.option(
+        "--odom", metavar="TOPIC|tf", help="Odometry topic, or tf.", shell_complete=completion.topics("odometry", "tf")
+    ),
+    click.option(
+        "--vision",
+        multiple=True,
+        metavar="TOPIC",
+        help="Topic of landmark sightings; needs --landmarks.",
+        shell_complete=completion.topics("vision"),
+    ),
     click.option("--landmarks", type=click.Path(path_type=Path), help="Landmarks, CSV or YAML: id, x, y[, z]."),
     options.robot,
 )
 
 run_options = options.all_of(
-    click.argument("logs", metavar="LOG...", nargs=-1, required=True),
+    click.argument("logs", metavar="LOG...", nargs=-1, required=True, shell_complete=completion.files),
     click.option(
         "--map", "map_file", type=click.Path(path_type=Path), help="Map, a map_server YAML; else the log's own."
     ),
@@ -114,6 +123,7 @@ run_options = options.all_of(
         "traces",
         multiple=True,
         metavar="TRACE",
+        shell_complete=completion.files,
         help=f"Weight trace: {endings('trace')}, or - for CSV on stdout; repeatable.",
     ),
     click.option(
@@ -121,15 +131,23 @@ run_options = options.all_of(
         "tracks",
         multiple=True,
         metavar="FILE",
+        shell_complete=completion.files,
         help=f"A pose per scan: {endings('track')}, or - for CSV on stdout; repeatable.",
     ),
-    click.option("--steps", metavar="FILE", help="A row per update, CSV; - is stdout."),
     click.option(
-        "--picture", metavar="F.png", callback=parse_picture, help="Draw map, track, reference and final particles."
+        "--steps", metavar="FILE", shell_complete=completion.files, help="A row per update, CSV; - is stdout."
+    ),
+    click.option(
+        "--picture",
+        metavar="F.png",
+        shell_complete=completion.files,
+        callback=parse_picture,
+        help="Draw map, track, reference and final particles.",
     ),
     click.option(
         "--init",
         metavar="WHERE",
+        shell_complete=completion.topics("poses", "global", "uniform"),
         help="X,Y,YAW[,SXY,SYAW], uniform over the free cells, global (where a search finds the scans), a TOPIC of the "
         "log, tf:FRAME[:CHILD] or FILE.tum.  [default: global]",
     ),
@@ -179,11 +197,13 @@ run_options = options.all_of(
     click.option(
         "--truth",
         metavar="FILE.tum|TOPIC|tf:…",
+        shell_complete=completion.topics("poses"),
         help="Reference for picture and report, as for mcl eval; tf:FRAME[:CHILD] are transforms. Never an input.",
     ),
     click.option(
         "--versus",
         metavar="TOPIC|tf:…",
+        shell_complete=completion.topics("poses"),
         help="What the robot itself believed, /amcl_pose or tf:map; says since when the two were apart.",
     ),
     options.parameters,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, final
 
 import click
 
-from mclcli.cli import options
+from mclcli.cli import completion, options
 from mclcli.cli.parse import named, parse_picture, parse_pose, parse_poses
 from mclcli.errors import UsageError
 from mclcli.quantity import parse_list
@@ -99,6 +99,7 @@ pose_options = options.together(
         "--poses",
         "poses_file",
         metavar="FILE",
+        shell_complete=completion.files,
         help="CSV with columns x, y, yaw; other columns are passed on; - is stdin.",
     ),
     click.option("--around", metavar="X,Y,YAW", callback=parse_pose, help="Draw poses around this one."),
@@ -141,16 +142,22 @@ score_options = options.all_of(
         "-o",
         "--output",
         metavar="FILE",
+        shell_complete=completion.files,
         callback=named(".csv", ".mcap"),
         help="CSV or .mcap, - is stdout; CSV on stdout if neither this nor --heatmap is given.",
     ),
     click.option(
-        "--heatmap", metavar="F.png", callback=parse_picture, help="Draw the likelihood over x, y (best over yaw)."
+        "--heatmap",
+        metavar="F.png",
+        shell_complete=completion.files,
+        callback=parse_picture,
+        help="Draw the likelihood over x, y (best over yaw).",
     ),
     click.option("--explain", is_flag=True, help="For one pose: a row per beam and landmark instead of one per pose."),
     click.option(
         "--picture",
         metavar="F.png",
+        shell_complete=completion.files,
         callback=parse_picture,
         help="With --explain: draw the scan on the map, coloured by log p.",
     ),
