@@ -20,7 +20,7 @@ from mclcli.filter.start import Opening, Patience, carried, spread_of
 from mclcli.geometry import se2
 from mclcli.records import Estimate, LandmarkSightings, LaserScan, StampedPose, StepRecord, TrackPoint
 from mclcli.replay.intake import Intake, Setup
-from mclcli.replay.measuring import measure
+from mclcli.replay.measuring import has_moved, has_moved_on_an_axis, measure
 from mclcli.replay.tally import ReplayTally, Reset
 from mclcli.world.occupancy import OccupancyGrid
 
@@ -344,14 +344,3 @@ class _Run:
         scan = reading if isinstance(reading, LaserScan) else None
         odom = self._intake.path.recorded(reading.stamp_ns, now)
         return TrackPoint(reading.stamp_ns, estimate, self._segment, odom, record, scan)
-
-
-def has_moved(increment: FloatArray, min_d: float, min_a: float) -> bool:
-    """Whether the base moved (Euclidean, [m]) or turned [rad] far enough since the last update for another one."""
-    return math.hypot(increment[0], increment[1]) >= min_d or abs(float(increment[2])) >= min_a
-
-
-def has_moved_on_an_axis(difference: FloatArray, min_d: float, min_a: float) -> bool:
-    """nav2_amcl's gate: x, y [m] or yaw [rad] of the odometry's own frame differ by more than the thresholds."""
-    yaw = math.remainder(difference[2], 2.0 * math.pi)
-    return abs(difference[0]) > min_d or abs(difference[1]) > min_d or abs(yaw) > min_a

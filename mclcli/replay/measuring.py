@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,3 +51,14 @@ def _sweep(setup: Setup, path: OdometryPath, reading: Reading, odom: FloatArray)
     return lambda beams: se2.between(
         odom, path.along(reading.stamp_ns + np.round(beams * increment_ns).astype(np.int64))
     )
+
+
+def has_moved(increment: FloatArray, min_d: float, min_a: float) -> bool:
+    """Whether the base moved (Euclidean, [m]) or turned [rad] far enough since the last update for another one."""
+    return math.hypot(increment[0], increment[1]) >= min_d or abs(float(increment[2])) >= min_a
+
+
+def has_moved_on_an_axis(difference: FloatArray, min_d: float, min_a: float) -> bool:
+    """nav2_amcl's gate: x, y [m] or yaw [rad] of the odometry's own frame differ by more than the thresholds."""
+    yaw = math.remainder(difference[2], 2.0 * math.pi)
+    return abs(difference[0]) > min_d or abs(difference[1]) > min_d or abs(yaw) > min_a

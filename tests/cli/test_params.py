@@ -204,12 +204,13 @@ def test_the_maps_topic_is_chosen(office_messages: list[Message], tmp_path: Path
         "data": np.zeros(1, np.int8),
     }
     kind = "nav_msgs/msg/OccupancyGrid"
-    log = write_mcap(tmp_path / "log.mcap", [made("/a_map", kind, empty), made("/map", kind, empty), *office_messages])
+    maps = [made(topic, kind, empty) for topic in ("/map", "/old/map")]
+    log = write_mcap(tmp_path / "log.mcap", [*maps, *office_messages])
     params = tmp_path / "nav2.yaml"
-    params.write_text(amcl("map_topic: map"))
+    params.write_text(amcl("map_topic: old/map"))
     said = mcl("run", log, "--params", params, "--init", "/initialpose").err
-    assert "map: from the log's topic /map" in said
-    assert "map: from the log's topic /a_map" in mcl("run", log, "--init", "/initialpose").err
+    assert "map: from the log's topic /old/map" in said
+    assert "map: from the log's topic /map" in mcl("run", log, "--init", "/initialpose").err
 
 
 def test_score_takes_a_robots_file(short: Path, tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ def survey_of(*edges: Transform, map_is: str | None = None) -> LogSurvey:
     if map_is is not None:
         survey.topics["/map"].sample = OccupancyGrid(np.zeros((1, 1), np.int8), 1.0, np.zeros(3), map_is)
     for item in edges:
-        survey.frames.add(item)
+        survey.of_transforms("/tf").add("/tf", [item])
     return survey
 
 

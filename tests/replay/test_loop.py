@@ -13,7 +13,8 @@ from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.start import AlongPoses, AroundPose
 from mclcli.geometry import se2, se3
 from mclcli.records import LaserScan, StampedPose
-from mclcli.replay.loop import has_moved, replay
+from mclcli.replay.loop import replay
+from mclcli.replay.measuring import has_moved
 from tests.replay.replays import LIDAR, NOISY, START, drive, ns, odom, run, scan, setup
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, cast, final
 
 from mclcli.io.logs import bag1_records as rec
 from mclcli.io.logs import bag1_search as search
-from mclcli.io.logs.base import EVERYTHING, LARGE, Damage, FileFacts, Item, RawMessage, Wish
+from mclcli.io.logs.base import DEFINITIONS, EVERYTHING, LARGE, Damage, FileFacts, Item, RawMessage, Wish
 from mclcli.io.logs.channels import WatchedChannels
 from mclcli.io.logs.holding import Nameless, hold, name
 from mclcli.io.logs.inflate import CHUNK_LIMIT, RECORD_LIMIT, Budget, CorruptError, inflate, inflate_start
@@ -319,7 +319,5 @@ class _Pass:
         return replace(lost, messages=count, first_ns=min(known + stamps), last_ns=max(known + stamps))
 
 
-DEFINITIONS = Wish(lambda _: False)
-"""What a pass is asked for that looks for connections only."""
 _new = tuple.__new__  # half the time of a named tuple's own
 _NOT_ZERO = re.compile(rb"[^\0]")

@@ -178,6 +178,8 @@ class Wish:
 
 EVERYTHING = Wish()
 """All messages, and nothing beside them."""
+DEFINITIONS = Wish(lambda _: False)
+"""What a pass is asked for that looks for schemas and channels only."""
 
 
 class Container(Protocol):

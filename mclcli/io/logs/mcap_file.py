@@ -15,13 +15,13 @@ from typing import TYPE_CHECKING, cast, final
 
 from mclcli.io.logs import mcap_records as rec
 from mclcli.io.logs import mcap_search as search
-from mclcli.io.logs.base import EVERYTHING, Damage, FileFacts, Heading, Item, Wish
+from mclcli.io.logs.base import DEFINITIONS, EVERYTHING, Damage, FileFacts, Heading, Item, Wish
 from mclcli.io.logs.channels import WatchedChannels
 from mclcli.io.logs.holding import hold
 from mclcli.io.logs.inflate import CHUNK_LIMIT, RECORD_LIMIT, Budget, CorruptError, inflate, inflate_start
 from mclcli.io.logs.inventory import Inventory
 from mclcli.io.logs.mcap_contents import Contents, Definitions
-from mclcli.io.logs.report import CUT, RESUMES, Report
+from mclcli.io.logs.report import CUT, DATA_ALTERED, RESUMES, Report
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Generator, Iterator, Mapping
@@ -168,8 +168,7 @@ class _Pass:
         elif kind == rec.DATA_END:
             (declared,) = struct.unpack_from("<I", body)
             if declared not in {0, crc} and self.src.crc_valid and not self.report.hurt:
-                what = "data section fails its checksum; something outside its chunks was altered"
-                yield self.report.beyond(at, what)
+                yield self.report.beyond(at, DATA_ALTERED)
             self.data_checked = declared != 0
             self.data_ended, self.src.crc, self.src.crc_valid = True, 0, True
         elif self.channels.wish.beside:
@@ -309,13 +308,11 @@ class _Pass:
         """Go to the next record: of any kind before the data end, then to the next chunk."""
         if self.data_ended:
             return self.src.find(search.CHUNK_START, search.chunk_start)
-        test = search.record_start(
-            self.contents.last_ns,
-            frozenset(self.channels.by_number),
-            messages=not self.in_chunks(),
-            definitions=self.channels.wish is DEFINITIONS,
+        known, wants = frozenset(self.channels.by_number), self.channels.wish is DEFINITIONS
+        last_ns, loose = self.contents.last_ns, not self.in_chunks()
+        return self.src.find(
+            search.RECORD_START, search.record_start(last_ns, known, messages=loose, definitions=wants)
         )
-        return self.src.find(search.RECORD_START, test)
 
     def in_chunks(self) -> bool:
         """Whether messages stand in chunks; a chunk that is still to come says so as well."""
@@ -341,16 +338,12 @@ class _Pass:
         plain = inflate_start(body[chunk.data_at :], chunk.compression, chunk.size, self.budget)
         yield from self.contents.records(plain, at, cut=True)
         recovered = self.contents.messages - before
-        first = self.contents.last_ns if recovered else chunk.first_ns
         more = f"; {recovered} messages of its last chunk were recovered unverified" if recovered else ""
-        yield self.report.lost(at, CUT + more, None, first, chunk.last_ns)
+        first_ns = self.contents.last_ns if recovered else chunk.first_ns
+        yield self.report.lost(at, CUT + more, None, first_ns, chunk.last_ns)
 
     def end(self, at: int, *, whole: bool) -> Damage:
         """The file is over without a footer."""
         if self.data_ended:
             return self.report.harmless(at, "file ends within its summary; no message is lost")
         return self.report.unclosed(at) if whole else self.report.lost(at, CUT)
-
-
-DEFINITIONS = Wish(lambda _: False)
-"""What a pass is asked for that looks for schemas and channels only."""

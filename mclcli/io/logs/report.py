@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 
     from mclcli.io.logs.channels import WatchedChannels
 
+DATA_ALTERED = "data section fails its checksum; something outside its chunks was altered"
 CUT = "file ends in the middle of a record; it was not closed"
 UNCLOSED = "file was not closed; every message in it was read, what should have followed is unknown"
 UNCLOSED_HURT = "file was not closed; what should have followed is unknown"
