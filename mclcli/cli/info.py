@@ -156,10 +156,15 @@ def _odd(recording: Recording | SampledLog, parts: Roles, lidars: list[dict[str,
     """Frames that do not connect or contradict each other, doubtful odometry, lidars that are not on the base."""
     from mclcli.io.recording.diagnosis import loose_frames
     from mclcli.io.recording.odometry_sources import problems_of
+    from mclcli.io.recording.robots import find_robots
 
     tree = parts.frames if parts.robot else recording.survey.frames
     named = _named_frames(recording.survey)
-    lines = [*loose_frames(tree), *problems_of(recording.survey), *(f"odometry: {line}" for line in parts.doubts)]
+    lines = [
+        *loose_frames(tree),
+        *problems_of(recording.survey, find_robots(recording.survey)),
+        *(f"odometry: {line}" for line in parts.doubts),
+    ]
     for lidar in lidars:
         name, frame = clean(lidar["topic"]), clean(lidar["frame"])
         if lidar["base_from_sensor"] is None:
@@ -225,8 +230,9 @@ def _lines(facts: dict[str, Any]) -> list[str]:
     """The facts for people."""
     names = ", ".join(clean(name) for name in facts["files"])
     duration = facts["duration"]
-    utc = f"{facts['start_utc']} " if facts["start_utc"] else ""
-    when = "" if duration is None else f", {duration:.1f} s from {utc}(@{facts['start']:.9f})"
+    at = f"@{facts['start']:.9f}" if duration is not None else ""
+    since = f"{facts['start_utc']} ({at})" if facts["start_utc"] else at
+    when = "" if duration is None else f", {duration:.1f} s from {since}"
     lines = [f"{names}: {counted(facts['messages'], 'message')} on {counted(len(facts['topics']), 'topic')}{when}"]
     lines += [_check_line(file) for file in facts["checks"]]
     lines.append("")

@@ -10,6 +10,7 @@ import pytest
 
 from mclcli.geometry import se2
 from mclcli.io.recording.odometry_sources import problems_of
+from mclcli.io.recording.robots import find_robots
 from mclcli.io.recording.roles import RequestedRoles, assign
 from tests.io import drives
 from tests.io.drives import ODOMETRY, TF, Drive, at, every, surveyed
@@ -128,7 +129,7 @@ def second_broadcaster(parent: str) -> list[Message]:
 def test_two_nodes_on_one_edge_are_told() -> None:
     log = surveyed(Drive().messages(), second_broadcaster("odom"))
     assert assign(log).odometry == "/odom"
-    (problem,) = problems_of(log)
+    (problem,) = problems_of(log, find_robots(log))
     assert "transform from 'odom' to 'base_link'" in problem
     assert "two nodes broadcast it" in problem
     (doubt,) = assign(log, RequestedRoles(odometry="tf")).doubts
@@ -138,7 +139,7 @@ def test_two_nodes_on_one_edge_are_told() -> None:
 
 def test_of_two_parents_the_frame_of_odometry_counts_and_it_is_told() -> None:
     log = surveyed(Drive().messages(), second_broadcaster("odom_combined"))
-    (problem,) = problems_of(log)
+    (problem,) = problems_of(log, find_robots(log))
     assert "two nodes state 'base_link', below 'odom' and 'odom_combined' by turns" in problem
     roles = assign(log, RequestedRoles(odometry="tf"))
     assert (roles.odom_frame, roles.frames.parent("base_link")) == ("odom", "odom")
@@ -159,3 +160,12 @@ def test_a_mount_that_trembles_is_fixed_and_one_that_pans_is_not() -> None:
 
     assert not assign(surveyed(log, pan(1e-5))).frames.moves_between("base_link", "laser")
     assert assign(surveyed(log, pan(0.5))).frames.moves_between("base_link", "laser")
+
+
+def test_a_wheel_that_turns_is_no_second_broadcaster() -> None:
+    def spun(t: float) -> Message:
+        return at(t, "/tf", TF, drives.transform(t, "base_link", "wheel", (0.0, 0.2, math.remainder(31.0 * t, 6.28))))
+
+    log = surveyed(Drive().messages(), every(0.05, SECONDS, spun))
+    assert problems_of(log, find_robots(log)) == []
+    assert assign(log).doubts == ()

@@ -7,6 +7,7 @@ one with the lightest doubts is used.
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, final
@@ -19,7 +20,7 @@ from mclcli.records import LaserScan, Odometry
 from mclcli.text import clean
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterator
+    from collections.abc import Collection, Iterable, Iterator
 
     from mclcli.arrays import FloatArray
     from mclcli.io.recording.robots import Robot
@@ -162,15 +163,20 @@ def contested(space: TransformSurvey) -> dict[str, str]:
     }
 
 
-def problems_of(survey: LogSurvey) -> list[str]:
-    """A line for each frame whose transforms contradict each other: two parents by turns, or zigzags."""
+def problems_of(survey: LogSurvey, robots: Iterable[Robot]) -> list[str]:
+    """A line for each frame of a robot's odometry whose transforms contradict each other: two parents, or zigzags.
+
+    Other edges are not looked at: a wheel turns by any angle from one message to the next.
+    """
+    chains = [robot.frames.ancestors(robot.base) for robot in robots if robot.base]
+    edges = {(parent, child) for chain in chains for child, parent in itertools.pairwise(chain) if parent != "map"}
     lines: list[str] = []
     for space in survey.transforms.values():
         told = contested(space)
         lines += told.values()
-        for (parent, child), sample in space.sampled.items():
+        for parent, child in sorted(edges & space.sampled.keys()):
             if child not in told:
-                doubts = _of_roughness(Source(TF, parent, child, _runs_of(sample)))
+                doubts = _of_roughness(Source(TF, parent, child, _runs_of(space.sampled[parent, child])))
                 lines += [f"transform from '{clean(parent)}' to '{clean(child)}': {doubt.what}" for doubt in doubts]
     return lines
 
