@@ -104,3 +104,13 @@ def test_transforms_of_two_namespaces_are_joined_where_one_chain_needs_both() ->
     assert mount is not None
     assert se3.to_planar(mount).tolist() == pytest.approx([0.1, 0.2, 0.0])
     assert "/lidar/" in roles.reasons["frames"]
+
+
+def test_a_robot_without_a_namespace_beside_one_that_has_one() -> None:
+    survey = surveyed(Drive().messages(), TWO.messages())
+    assert [robot.name for robot in find_robots(survey)] == ["/", "robot2"]
+    root, other = (assign(survey, RequestedRoles(robot=name)) for name in ("/", "robot2"))
+    assert (root.scan, root.odometry) == (("/scan",), "/odom")
+    assert (other.scan, other.odometry) == (("/robot2/scan",), "/robot2/odom")
+    assert other.reasons["odometry"] == "the only odometry topic"
+    assert assign(survey, RequestedRoles(odometry="/odom")).scan == ("/scan",)

@@ -54,9 +54,9 @@ class Robot:
         return bool((self.scans or self.vision) and (self.odometry or self.moves))
 
     def answers_to(self, name: str) -> bool:
-        """Whether ``name`` means this robot: its name, namespace, or base frame."""
+        """Whether ``name`` means this robot: its namespace, base frame, or the prefix of that."""
         plain = name.strip("/")
-        return bool(plain) and plain in {self.name, self.namespace.strip("/"), self.base, _prefix(self.base)}
+        return bool(plain) and plain in {self.namespace.strip("/"), self.base, _prefix(self.base)}
 
 
 @final
@@ -192,7 +192,7 @@ def _robot(survey: LogSurvey, place: _Place, sensors: list[str], *, many: bool) 
     if many and not own:
         # Two robots share their transforms: namespaces of topics tell them apart, or prefixes of frames.
         own = f"{folder}/" if folder else f"/{prefix}/" if prefix else ""
-    name = own.strip("/") or prefix or (place.base if many else "")
+    name = own.strip("/") or prefix or ("/" if many else "")
     scans = {topic.channel.topic for topic in survey.of_type(*SCAN)}
     topics = [topic for space in place.namespaces for topic in survey.transforms[space].topics]
     return Robot(
@@ -217,10 +217,16 @@ def _odometry_of(robot: Robot, robots: list[Robot], survey: LogSurvey) -> tuple[
         assert isinstance(sample, Odometry)  # noqa: S101 - by type
         if is_truth(name) or (any(name.startswith(space) for space in foreign) and len(spaces) > 1):
             continue
-        holders = [other for other in robots if _carries(other, sample.child_frame_id)]
-        if robot in holders or not holders or (name.startswith(robot.namespace) and robot.namespace != "/"):
+        if len(robots) == 1 or robot in _owners(name, sample.child_frame_id, robots):
             result.append(name)
     return tuple(result)
+
+
+def _owners(topic: str, child: str, robots: list[Robot]) -> list[Robot]:
+    """Robots, of several, that a topic of odometry may be of: of its own namespace, with its frame, or all."""
+    around = max((other.namespace for other in robots if topic.startswith(other.namespace)), key=len, default="")
+    near = [other for other in robots if other.namespace == around] or robots
+    return [other for other in near if _carries(other, child)] or near
 
 
 def _carries(robot: Robot, frame: str) -> bool:

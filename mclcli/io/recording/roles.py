@@ -154,7 +154,8 @@ def _settle_parents(survey: LogSurvey, odom_frame: str) -> None:
 def _choose(robots: Sequence[Robot], requested: RequestedRoles) -> tuple[Robot, dict[str, str]]:
     """The robot that is meant, and why it is this one where there are others."""
     if requested.robot:
-        meant = [robot for robot in robots if robot.answers_to(requested.robot)]
+        exact = [robot for robot in robots if robot.name == requested.robot]
+        meant = exact or [robot for robot in robots if robot.answers_to(requested.robot)]
         if len(meant) != 1:
             names = ", ".join(robot.name for robot in robots)
             raise UsageError(
@@ -233,7 +234,7 @@ def _why(source: Source, others: Sequence[Source]) -> str:
         return "the only odometry topic"
     worse = [other for other in others if other.weight > source.weight]
     if worse:
-        return f"of the odometry in the log what speaks least against; not {_doubted(others)}"
+        return f"the odometry with the least against it; not {_doubted(others)}"
     return f"of the odometry topics nearest to 'odom'; not {_doubted(topics)}"
 
 
