@@ -6,7 +6,6 @@ import re
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy import ndimage
 
 from mclcli.io.recording.kinds import MAP
 from mclcli.text import clean
@@ -98,6 +97,8 @@ def which(grid: OccupancyGrid, grids: Sequence[OccupancyGrid]) -> str:
 
 def contains(later: OccupancyGrid, earlier: OccupancyGrid) -> bool:
     """Whether a map has grown from an earlier one: same frame and cell size, what was known is, and walls still are."""
+    from scipy import ndimage
+
     if abs(later.resolution - earlier.resolution) > _SAME_SIZE * earlier.resolution:
         return False
     if later.frame_id != earlier.frame_id or abs(later.origin[2] - earlier.origin[2]) > 1e-9:
