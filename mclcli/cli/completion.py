@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     import click
+    from click.shell_completion import CompletionItem
 
     Completer = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 
@@ -33,12 +34,16 @@ def answer(group: click.Group) -> int | None:
 
 def files(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Names of files; the shell itself knows them."""
+    from click.shell_completion import CompletionItem
+
     del ctx, param
     return [CompletionItem(incomplete, type="file")]
 
 
 def settings(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """``KEY=`` of every parameter, and behind it what the parameter can be."""
+    from click.shell_completion import CompletionItem
+
     from mclcli.settings import profiles
 
     del ctx, param
@@ -66,6 +71,8 @@ def topics(part: str, *words: str) -> Completer:
 
 
 def _starting(incomplete: str, texts: list[str]) -> list[CompletionItem]:
+    from click.shell_completion import CompletionItem
+
     return [CompletionItem(text) for text in texts if text.startswith(incomplete)]
 
 

@@ -34,10 +34,10 @@ class _View(NamedTuple):
 
 def by_view(survey: LogSurvey, robot: Robot) -> tuple[list[str], str]:
     """A robot's lidars, the one that sees most ahead first, and why that is the first."""
+    if len(robot.scans) == 1:
+        return [*robot.scans], "the only laser scan topic"
     views = sorted(_view(survey, robot, name) for name in robot.scans)
     names = [view.name for view in views]
-    if len(views) == 1:
-        return names, "the only laser scan topic"
     others = ", ".join(names[1:])
     if views[0][:5] == views[1][:5]:
         return names, f"of the laser scan topics nearest to 'scan'; not {others}"

@@ -22,7 +22,7 @@ from mclcli.text import clean
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator
 
-    from mclcli.arrays import FloatArray
+    from mclcli.arrays import BoolArray, FloatArray
     from mclcli.io.recording.robots import Robot
     from mclcli.io.recording.samples import EvenSample
     from mclcli.io.recording.survey import LogSurvey
@@ -272,11 +272,13 @@ def _turns(source: Source) -> bool:
 
 def _of_roughness(source: Source) -> Iterator[Doubt]:
     """Poses that zigzag from message to message by more than they go forward: noise, or two nodes by turns."""
-    kinks = [_kink(*run) for run in source.runs if len(run) == 3]
-    wild = [(metres, radians) for metres, radians, is_wild in kinks if is_wild]
-    if len(kinks) < 8 or len(wild) < 0.2 * len(kinks):
+    runs = [run for run in source.runs if len(run) == 3 and run[0].stamp_ns < run[1].stamp_ns < run[2].stamp_ns]
+    if len(runs) < 8:
         return
-    metres, radians = np.median(wild, axis=0)
+    kinks, is_wild = _kinks(runs)
+    if np.count_nonzero(is_wild) < 0.2 * len(runs):
+        return
+    metres, radians = np.median(kinks[is_wild], axis=0)
     what = f"zigzags by {metres:.2f} m and {math.degrees(radians):.1f} deg from message to message"
     if source.name == TF:
         yield Doubt(3, f"it {what}: two nodes broadcast it, or it is noise")
@@ -284,13 +286,12 @@ def _of_roughness(source: Source) -> Iterator[Doubt]:
         yield Doubt(3, f"it {what}: noise, or two nodes publish on it")
 
 
-def _kink(a: Moment, b: Moment, c: Moment) -> tuple[float, float, bool]:
-    """How far [m, rad] the middle one of three poses lies off the way between the others, and if that is no motion."""
-    if not a.stamp_ns < b.stamp_ns < c.stamp_ns:
-        return 0.0, 0.0, False
-    fraction = (b.stamp_ns - a.stamp_ns) / (c.stamp_ns - a.stamp_ns)
-    x, y, yaw = se2.between(se2.interpolate(a.pose, c.pose, fraction), b.pose).tolist()
-    step = se2.between(a.pose, c.pose).tolist()
-    metres, radians = math.hypot(x, y), abs(yaw)
-    is_wild = metres > max(_ROUGH_M, math.hypot(step[0], step[1])) or radians > max(_ROUGH_RAD, abs(step[2]))
-    return metres, radians, is_wild
+def _kinks(runs: list[list[Moment]]) -> tuple[FloatArray, BoolArray]:
+    """How far (R, 2) [m, rad] the middle one of three poses lies off the way between the others; (R,) if no motion."""
+    poses = np.array([[moment.pose for moment in run] for run in runs])
+    stamps = np.array([[moment.stamp_ns for moment in run] for run in runs])
+    fractions = (stamps[:, 1] - stamps[:, 0]) / (stamps[:, 2] - stamps[:, 0])
+    off = se2.between(se2.interpolate(poses[:, 0], poses[:, 2], fractions), poses[:, 1])
+    steps = se2.between(poses[:, 0], poses[:, 2])
+    kinks, ways = (np.stack([np.hypot(p[:, 0], p[:, 1]), np.abs(p[:, 2])], axis=1) for p in (off, steps))
+    return kinks, (kinks > np.maximum(ways, (_ROUGH_M, _ROUGH_RAD))).any(axis=1)
