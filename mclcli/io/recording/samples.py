@@ -14,26 +14,31 @@ class EvenSample(Generic[Item]):
     Ask ``wants`` once for every item that comes, and ``keep`` it where that says so.
     """
 
-    __slots__ = ("_length", "_most", "_stride", "runs", "seen")
+    __slots__ = ("_length", "_most", "_next", "_stride", "runs", "seen")
 
     def __init__(self, length: int, most: int) -> None:
         self.runs: list[list[Item]] = []
+        self.seen = 0
         self._length, self._most = length, most
-        self.seen, self._stride = 0, 1
+        self._stride = 1  # of so many runs one is kept
+        self._next = 0  # the first item of the run that is to be kept next, or of the one that is kept now
 
     def wants(self) -> bool:
         """Count one item, and say whether it is one to keep."""
-        run, place = divmod(self.seen, self._length)
+        place = self.seen - self._next
         self.seen += 1
-        if run % self._stride:
+        if place < 0:
             return False
         if place == 0:
             if len(self.runs) == self._most:
                 del self.runs[1::2]
                 self._stride *= 2
-                if run % self._stride:
+                if self._next // self._length % self._stride:
+                    self._next += self._length * self._stride // 2
                     return False
             self.runs.append([])
+        if place == self._length - 1:
+            self._next += self._length * self._stride
         return True
 
     def keep(self, item: Item) -> None:

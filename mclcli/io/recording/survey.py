@@ -36,7 +36,7 @@ class TopicSurvey:
     ``first_ns``, ``last_ns`` and ``longest_gap_ns`` are log times. ``first_stamp_ns`` is the first stamp but 0 of
     scans, odometry, sightings and moving transforms (``tells_time``), None while none came (``awaits_stamp``);
     ``offset_ns`` is its log time − itself. Of odometry and scans ``kept`` has some messages, evenly spread, as they are
-    recorded.
+    recorded; ``space`` is where its transforms belong.
     """
 
     channel: Channel
@@ -47,6 +47,7 @@ class TopicSurvey:
     sample: object | None = None
     problem: str = ""
     kept: EvenSample[RawMessage] | None = None
+    space: TransformSurvey | None = None
     first_stamp_ns: int | None = None
     offset_ns: int = 0
     tells_time: bool = field(init=False)
@@ -188,7 +189,9 @@ class LogSurvey:
             return
         topic.sample = topic.sample or record
         if isinstance(record, tuple):
-            self.of_transforms(topic.channel.topic).add(topic.channel.topic, record)
+            if topic.space is None:
+                topic.space = self.of_transforms(topic.channel.topic)
+            topic.space.add(topic.channel.topic, record)
 
 
 def survey_log(messages: Iterable[RawMessage], result: LogSurvey | None = None) -> LogSurvey:
