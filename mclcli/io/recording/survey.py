@@ -52,11 +52,13 @@ class TopicSurvey:
     offset_ns: int = 0
     tells_time: bool = field(init=False)
     awaits_stamp: bool = field(init=False)
+    awaits_sample: bool = field(init=False)
 
     def __post_init__(self) -> None:
         static = self.channel.topic.endswith("tf_static")
         self.tells_time = self.channel.type in _SENSORS or (self.carries_transforms and not static)
         self.awaits_stamp = self.tells_time
+        self.awaits_sample = self.channel.type in DECODABLE
         if self.channel.type in _KEPT:
             self.kept = EvenSample(*_KEPT[self.channel.type])
 
@@ -86,8 +88,12 @@ class TopicSurvey:
         """Take one message's time in."""
         if self.count == 0:
             self.first_ns = self.last_ns = log_time_ns
-        self.longest_gap_ns = max(self.longest_gap_ns, log_time_ns - self.last_ns)
-        self.first_ns, self.last_ns = min(self.first_ns, log_time_ns), max(self.last_ns, log_time_ns)
+        since_ns = log_time_ns - self.last_ns  # no min() and max(): this is done for every message
+        if since_ns > 0:
+            self.last_ns = log_time_ns
+            self.longest_gap_ns = max(self.longest_gap_ns, since_ns)
+        elif log_time_ns < self.first_ns:
+            self.first_ns = log_time_ns
         self.count += 1
 
     def count_all(self, times: IntArray) -> None:
@@ -170,17 +176,17 @@ class LogSurvey:
 
     def add(self, message: RawMessage) -> None:
         """Take one message in; only transforms, and one message of each other topic, are decoded."""
-        channel = message.channel
-        topic = self.topics.get(channel.topic)
+        topic = self.topics.get(message.channel.topic)
         if topic is None:
-            topic = self.topics[channel.topic] = TopicSurvey(channel)
+            topic = self.topics[message.channel.topic] = TopicSurvey(message.channel)
         topic.count_one(message.log_time_ns)
-        if channel.type in TRANSFORMS or (topic.sample is None and channel.type in DECODABLE):
+        if topic.awaits_sample:
             self._decode(topic, message)
         if topic.awaits_stamp and topic.sample is not None:
             topic.see_stamp(message)
-        if topic.kept is not None and topic.kept.wants():
-            topic.kept.keep(RawMessage(channel, message.log_time_ns, bytes(message.data), *message[3:]))
+        kept = topic.kept
+        if kept is not None and kept.wants():
+            kept.keep(message)
 
     def _decode(self, topic: TopicSurvey, message: RawMessage) -> None:
         record = decode(message, self.tally)
@@ -188,6 +194,7 @@ class LogSurvey:
             topic.problem = topic.problem or record.reason
             return
         topic.sample = topic.sample or record
+        topic.awaits_sample = topic.carries_transforms
         if isinstance(record, tuple):
             if topic.space is None:
                 topic.space = self.of_transforms(topic.channel.topic)
