@@ -177,10 +177,12 @@ class TransformTree:
 
     def ancestors(self, frame: str) -> list[str]:
         """The frame itself, its parent, and so on up to the root."""
-        chain = [frame]
-        while (parent := self.parent(chain[-1])) is not None and parent not in chain:
-            chain.append(parent)
-        return chain
+        chain = {frame: None}  # a dict keeps the order, and knows at once what it holds
+        last = frame
+        while (parent := self.parent(last)) is not None and parent not in chain:
+            chain[parent] = None
+            last = parent
+        return list(chain)
 
     def connected(self, a: str, b: str) -> bool:
         """Whether a path joins two frames."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 
 from mclcli.errors import AmbiguousRobotError, UsageError
@@ -10,6 +12,7 @@ from mclcli.io.recording.robots import find_robots
 from mclcli.io.recording.roles import RequestedRoles, assign
 from tests.io import drives
 from tests.io.drives import Drive, surveyed
+from tests.io.surveys import LASER, ODOM, log_of
 
 BACKWARDS = (-0.2, 0.0, 3.0)
 ONE, TWO = Drive("/robot1"), Drive("/robot2", lead=3.0, mount=BACKWARDS)
@@ -114,3 +117,17 @@ def test_a_robot_without_a_namespace_beside_one_that_has_one() -> None:
     assert (other.scan, other.odometry) == (("/robot2/scan",), "/robot2/odom")
     assert other.reasons["odometry"] == "the only odometry topic"
     assert assign(survey, RequestedRoles(odometry="/odom")).scan == ("/scan",)
+
+
+def test_very_many_topics_are_looked_through_in_no_time() -> None:
+    """All are not compared with all; what is named is always looked at."""
+    count = 400
+    survey = log_of(
+        *((f"/r{i}/scan", LASER) for i in range(count)),
+        *((f"/r{i}/odom", ODOM) for i in range(count)),
+        moving=((f"odom{i}", f"base{i}") for i in range(count)),  # type: ignore[arg-type]
+    )
+    began = time.process_time()
+    roles = assign(survey, RequestedRoles(scan=("/r399/scan",)))
+    assert time.process_time() - began < 20.0
+    assert roles.scan == ("/r399/scan",)

@@ -16,10 +16,12 @@ from mclcli.io.recording.kinds import ODOMETRY, SCAN, SIGHTINGS, is_truth, share
 from mclcli.records import Odometry
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Collection, Iterable
 
     from mclcli.io.recording.survey import LogSurvey
 
+_MOST = 48  # topics of a kind, and namespaces, that are compared with each other
+_MOST_FRAMES = 1000
 _BASES = frozenset({"base_link", "base_footprint", "base"})
 
 
@@ -68,11 +70,13 @@ class _Place:
     base: str = ""
 
 
-def find_robots(survey: LogSurvey, base_frame: str = "") -> list[Robot]:
+def find_robots(survey: LogSurvey, base_frame: str = "", named: Collection[str] = ()) -> list[Robot]:
     """The robots of a log that have a sensor, by name; one without, if none has.
 
-    ``base_frame`` is a base whatever it is called.
+    ``base_frame`` is a base whatever it is called. Of very many topics those ``named``, and those beside them, are looked
+    at, and those with most messages.
     """
+    survey = _bounded(survey, named)
     sensors = [topic.channel.topic for topic in survey.of_type(*SCAN, *SIGHTINGS)]
     odometry = {t.channel.topic: t.sample for t in survey.of_type(*ODOMETRY) if not is_truth(t.channel.topic)}
     told = [sample for sample in odometry.values() if isinstance(sample, Odometry)]
@@ -82,6 +86,21 @@ def find_robots(survey: LogSurvey, base_frame: str = "") -> list[Robot]:
     robots = [_robot(survey, place, topics, many=len(groups) > 1) for place, topics in groups]
     robots = [dataclasses.replace(robot, odometry=_odometry_of(robot, robots, survey)) for robot in robots]
     return sorted(robots, key=lambda robot: robot.name)
+
+
+def _bounded(survey: LogSurvey, named: Collection[str]) -> LogSurvey:
+    """The survey with so few topics of each part that all may be compared with all."""
+    topics, spaces = dict(survey.topics), {name.rpartition("/")[0] for name in named}
+    for types in ((*SCAN, *SIGHTINGS), ODOMETRY):
+        names = {topic.channel.topic: topic.count for topic in survey.of_type(*types)}
+        found = sorted(names, key=lambda n: (n not in named, n.rpartition("/")[0] not in spaces, -names[n], n))
+        for name in found[_MOST:]:
+            del topics[name]
+    if len(topics) == len(survey.topics) and len(survey.transforms) <= _MOST:
+        return survey
+    near = [space for space in survey.transforms if any(name.startswith(space) for name in topics)]
+    kept = dict.fromkeys([*near, *survey.transforms][:_MOST])
+    return dataclasses.replace(survey, topics=topics, transforms={name: survey.transforms[name] for name in kept})
 
 
 def _place(survey: LogSurvey, topic: str, bases: set[str], asked: str) -> _Place:
@@ -126,7 +145,10 @@ def _base_above(tree: TransformTree, frame: str, bases: set[str], asked: str) ->
 
 def _only_base(tree: TransformTree, frame: str, bases: set[str], asked: str) -> str:
     """The base of a sensor that nothing joins to it, where there is one base alone with the prefix of its frame."""
-    tops = {_base_above(tree, other, bases, asked) for other in tree.frames} - {""}
+    frames = tree.frames
+    if len(frames) > _MOST_FRAMES:
+        return ""
+    tops = {_base_above(tree, other, bases, asked) for other in frames} - {""}
     tops = {top for top in tops if _prefix(top) == _prefix(frame)} if len(tops) > 1 else tops
     return tops.pop() if len(tops) == 1 else ""
 

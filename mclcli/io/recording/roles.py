@@ -85,7 +85,7 @@ def assign(survey: LogSurvey, requested: RequestedRoles = RequestedRoles()) -> R
         for name in names:
             _check(survey, name, types)
     _settle_parents(survey, requested.odom_frame)
-    robots = find_robots(survey, requested.base_frame)
+    robots = find_robots(survey, requested.base_frame, {*scans, *requested.vision, *named})
     robot, reasons = _choose(robots, requested)
     robot = _with_scans(robot, robots, scans)
     order, why = lidars.by_view(survey, robot) if robot.scans else ([], "")
