@@ -16,7 +16,7 @@ from mclcli import rng
 from mclcli.filter import fit, particles
 from mclcli.filter.localizer import FilterState, initial_state
 from mclcli.filter.recovery import Situation
-from mclcli.filter.start import Opening, Patience, carried, spread_of
+from mclcli.filter.start import Opening, Patience, Placed, carried, spread_of
 from mclcli.geometry import se2
 from mclcli.records import Estimate, LandmarkSightings, LaserScan, StampedPose, StepRecord, TrackPoint
 from mclcli.replay.intake import Intake, Setup
@@ -211,11 +211,14 @@ class _Run:
             for observation in held[1:]:
                 yield from self._begin(observation)
             return
+        if isinstance(poses, Placed):
+            self._tally.found.append((first.reading.stamp_ns, poses))
+            poses = poses.poses
         self._belief = _Belief(initial_state(poses, self._next_step), first.odom_from_base, None)
         for observation in held:
             yield from self._process(observation)
 
-    def _place(self, opening: Opening) -> FloatArray | Patience:
+    def _place(self, opening: Opening) -> FloatArray | Placed | Patience:
         """First particles: around the operator's last pose, else where the start says."""
         localizer = self._setup.localizer
         n, draws = localizer.size.max_particles, rng.stream(localizer.seed, rng.Purpose.INITIALISE, self._next_step)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mclcli.filter.start import Placed
     from mclcli.motion.odometry import Jump
     from mclcli.records import StepRecord
     from mclcli.sensors import Measurement
@@ -40,7 +41,7 @@ class ReplayTally:
 
     ``segments`` begin where time jumped back (``time_jumps``), with ``further_logs`` that follow none, and at
     ``resets`` in gaps or after which the robot was lost; ``odometry_jumps`` counts all steps of odometry that cannot
-    be motion.
+    be motion. ``found`` are the starts for which the robot was searched, each with its stamp.
     """
 
     used: Counter[str] = field(default_factory=Counter)
@@ -49,6 +50,7 @@ class ReplayTally:
     degenerate: int = 0
     injected: int = 0
     restarts: int = 0
+    found: list[tuple[int, Placed]] = field(default_factory=list)
     segments: int = 1
     maps: int = 0
     time_jumps: int = 0

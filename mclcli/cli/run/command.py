@@ -65,7 +65,7 @@ def command(options: RunOptions) -> ExitCode:
     tally = ReplayTally()
     with Outputs(options, recording, parts, setup, settings, grid, landmarks, inputs) as outputs:
         events = _events(recording, parts, setup, outputs, references, told)
-        with report.progress(recording) as show:
+        with report.progress(recording, tally) as show:
             for point in replay(events, setup, tally):
                 outputs.write(point)
                 show(point)

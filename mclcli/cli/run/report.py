@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mclcli.cli import console
+from mclcli.cli.run import beginnings
 from mclcli.filter.fit import PROBABLY_LOST
 from mclcli.text import clean, counted
 
@@ -31,10 +32,16 @@ _REDRAW_S = 0.1
 
 
 @contextmanager
-def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
-    """Live progress on stderr while it is a terminal: percent of the log, × real time, ESS, pose."""
+def progress(recording: Recording, tally: ReplayTally) -> Iterator[Callable[[TrackPoint], None]]:
+    """Starts that were searched for, and live progress while stderr is a terminal: percent, × real time, ESS, pose."""
+    told = 0
+
+    def tell(_: TrackPoint) -> None:
+        nonlocal told
+        told = beginnings.tell(recording, tally, told)
+
     if recording.survey.span_ns is None or not console.is_live():
-        yield lambda _: None
+        yield tell
         return
     from rich.live import Live
     from rich.text import Text
@@ -47,6 +54,7 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
 
         def show(point: TrackPoint) -> None:
             nonlocal drawn, ess
+            tell(point)
             if point.step is not None:
                 ess = f"ESS {point.step.ess:.0f} of {len(point.step.weights)}"
             now = time.perf_counter()
@@ -73,6 +81,7 @@ def extent(tally: ReplayTally, track: Track) -> str:
 def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Track, seconds: float) -> list[str]:
     """What the run did, in a few lines."""
     lines = [f"{extent(tally, track)} in {seconds:.2f} s ({track.seconds / seconds:.0f} × real time)"]
+    lines += beginnings.repeated(recording, tally)
     for topic, instrument in setup.instruments.items():
         lines.append(f"{instrument.name} {clean(topic)}: {tally.used[topic]} used{_skipped(tally, topic)}")
         lines += _scored(instrument, tally)
