@@ -187,7 +187,7 @@ class Localizer:
             beams_used=sum(counts),
             segment=at.segment,
             **self._belief(poses, weighed.weights, "before"),
-            reliability=fit.of_all(measurements, log_evidence),
+            reliability=fit.of_update(measurements, log_evidence, poses, weighed.weights),
             counts=counts,
         )
 
