@@ -118,7 +118,7 @@ class Localizer:
             reported = self._belief(after.poses, weights.normalise(after.log_weights), "after")
             record = dataclasses.replace(record, **reported)
         # What a robot that is being looked for sees from where it was thought to be says nothing of its beams.
-        sought = propose is not None and record.reliability < fit.PROBABLY_LOST
+        sought = propose is not None and record.lost
         known = state.correlations
         next_state = FilterState(
             after.step,
@@ -171,6 +171,7 @@ class Localizer:
     ) -> StepRecord:
         """Everything that the weights say; whether to resample is still to be decided."""
         counts = tuple([m.count for m in measurements])
+        reliability = fit.of_update(measurements, log_evidence, poses, weighed.weights)
         return StepRecord(
             step=at.step,
             stamp_ns=at.stamp_ns,
@@ -187,8 +188,9 @@ class Localizer:
             beams_used=sum(counts),
             segment=at.segment,
             **self._belief(poses, weighed.weights, "before"),
-            reliability=fit.of_update(measurements, log_evidence, poses, weighed.weights),
+            reliability=reliability,
             counts=counts,
+            lost=reliability < fit.PROBABLY_LOST,
         )
 
     def _belief(self, poses: FloatArray, normalised: FloatArray, when: str) -> dict[str, Any]:

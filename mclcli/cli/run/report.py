@@ -19,16 +19,19 @@ if TYPE_CHECKING:
 
     from PIL.Image import Image
 
+    from mclcli.arrays import BoolArray, IntArray
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import Findings
     from mclcli.geometry.trajectory import Track
     from mclcli.io.recording.recording import Recording
     from mclcli.records import TrackPoint
     from mclcli.replay.loop import ReplayTally, Setup
+    from mclcli.replay.tally import Stretch
     from mclcli.sensors.instruments import Instrument
     from mclcli.world.occupancy import OccupancyGrid
 
 _REDRAW_S = 0.1
+_STRETCHES = 5  # that a summary names
 
 
 @contextmanager
@@ -96,19 +99,26 @@ def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Tra
         lines
         + _resets(recording, setup, tally)
         + _events_of(setup, tally)
-        + _doubts(recording, tally)
+        + _losses(recording, tally)
         + _unread(recording)
     )
 
 
-def _doubts(recording: Recording, tally: ReplayTally) -> list[str]:
-    """When the robot was probably lost, or where the map knows nothing."""
-    if not tally.doubtful_ns:
+def _losses(recording: Recording, tally: ReplayTally) -> list[str]:
+    """When and where the robot was probably lost, or where the map knows nothing: the first stretches."""
+    if not tally.lost:
         return []
-    first_ns, last_ns = max(tally.doubtful_ns, key=lambda span: span[1] - span[0])
-    share = f"{tally.unreliable} of {tally.updates} updates (reliability < {PROBABLY_LOST:g})"
-    begin, end = ((stamp_ns - recording.first_ns) * 1e-9 for stamp_ns in (first_ns, last_ns))
-    return [f"probably lost, or off the map, at {share}, longest from {begin:.1f} to {end:.1f} s of the log"]
+    total = sum(stretch.updates for stretch in tally.lost)
+    lines = [f"probably lost, or off the map, at {total} of {tally.updates} updates (reliability < {PROBABLY_LOST:g}):"]
+    for stretch in tally.lost[:_STRETCHES]:
+        begin, end = ((stamp_ns - recording.first_ns) * 1e-9 for stamp_ns in (stretch.first_ns, stretch.last_ns))
+        (x0, y0), (x1, y1) = stretch.first, stretch.last
+        where = f"{x0:.1f},{y0:.1f} to {x1:.1f},{y1:.1f}"
+        lines.append(
+            f"  lost from {begin:.1f} to {end:.1f} s of the log, {where}, reliability {stretch.reliability:.2f}"
+        )
+    more = len(tally.lost) - _STRETCHES
+    return lines + [f"  and {more} more; column lost of --steps has them all"] * (more > 0)
 
 
 def _resets(recording: Recording, setup: Setup, tally: ReplayTally) -> list[str]:
@@ -164,6 +174,7 @@ def draw(
     grid: OccupancyGrid | None,
     outputs: Outputs,
     findings: Findings,
+    lost: Sequence[Stretch],
     title: str,
     subtitle: str,
 ) -> None:
@@ -185,10 +196,19 @@ def draw(
         belief=None if belief is None else belief.poses,
         cloud=None if last is None else last.poses,
         cloud_weights=None if last is None else last.weights,
+        lost=_within(stamps, lost),
         title=title,
         subtitle=subtitle,
     )
     pictures.save(_with_findings(picture, findings, span[0]), target, inputs)
+
+
+def _within(stamps_ns: IntArray, stretches: Sequence[Stretch]) -> BoolArray:
+    """Which stamps (N,) are in one of the stretches."""
+    inside = np.zeros(stamps_ns.size, np.bool_)
+    for stretch in stretches:
+        inside |= (stamps_ns >= stretch.first_ns) & (stamps_ns <= stretch.last_ns)
+    return inside
 
 
 def _with_findings(picture: Image, findings: Findings, first_ns: int) -> Image:
