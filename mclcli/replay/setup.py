@@ -251,8 +251,7 @@ def _lidars(
     model = lidar_model(grid, settings, make_field, backend, threads)
     check = _check(grid, settings, make_field)
     names = _numbered("lidar", len(roles.scan))
-    default: Temperature = LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0
-    alphas = [alpha_of(temperature, name, default) for name in names]
+    alphas = [alpha_of(temperature, name, lidar_temperature(settings)) for name in names]
     return {
         topic: Lidar(name, model, settings.beams, alpha, check)
         for topic, name, alpha in zip(roles.scan, names, alphas, strict=True)
@@ -287,6 +286,11 @@ def _cameras(
         topic: Camera(name, model, landmarks, alpha)
         for topic, name, alpha in zip(roles.vision, names, alphas, strict=True)
     }
+
+
+def lidar_temperature(settings: Settings) -> Temperature:
+    """Temperature of a lidar that no option names: robots have none."""
+    return LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0
 
 
 def alpha_of(temperature: Mapping[str, Temperature], sensor: str, default: Temperature) -> Temperature:
