@@ -53,6 +53,16 @@ def of_update(
     return of_all(judged, log_sum_exp(total) - math.log(_CHOSEN))
 
 
+def of_poses(measurements: Sequence[Measurement], poses: FloatArray) -> FloatArray:
+    """Fit (N,) of one update if the robot were at each of the poses (N, 3)."""
+    judged = [m.check or m for m in measurements if m.count]
+    floor, peak = sum(m.log_floor for m in judged), sum(m.log_peak for m in judged)
+    total = np.zeros(len(poses))
+    for m in judged:
+        total += m.log_likelihood(poses)
+    return np.array([_fit(value, floor, peak) for value in total.tolist()])
+
+
 def of_each(measurements: Sequence[Measurement], log_evidences: Sequence[float]) -> list[float]:
     """Fit of every sensor alone (S,), log Σ W_{t−1} e^ℓ of each given; 1 where nothing was scored."""
     return [
