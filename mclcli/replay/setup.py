@@ -13,11 +13,10 @@ from mclcli.filter.start import Anywhere, AroundPose, Start, WhenTold
 from mclcli.io.recording.unusable import because, no_map, no_scan, obstacles
 from mclcli.native.backend import COMPILED, NUMPY, Backend, choose
 from mclcli.records import LandmarkSightings, LaserScan, Odometry, PixelSightings
+from mclcli.replay.checking import lidar_temperature, make_check
 from mclcli.replay.loop import Setup
-from mclcli.sensors.beams import BeamSelection
 from mclcli.sensors.bearing import BearingModel
-from mclcli.sensors.instruments import Camera, Check, Lidar
-from mclcli.sensors.likelihood_field import LikelihoodFieldParameters, make_field_model
+from mclcli.sensors.instruments import Camera, Lidar
 from mclcli.sensors.models import lidar_entry
 from mclcli.settings import profiles
 from mclcli.world import distance_field
@@ -39,19 +38,7 @@ if TYPE_CHECKING:
     Mounts = Mapping[str, FloatArray]
 
 # Measured, see docs/decisions/0004 and 0013.
-LIDAR_TEMPERATURE: Final = "auto"
 VISION_TEMPERATURE: Final = 0.15
-# Parameters of the likelihood field that decide what a share of explained beams makes of its logarithm.
-_SCALE_OF_FIT: Final = (
-    "z_hit",
-    "z_rand",
-    "sigma_hit",
-    "combination",
-    "hit_normalised",
-    "off_map",
-    "field_unknown",
-    "do_beamskip",
-)
 _UPDATES_OF_A_STREAM = 1500  # nobody knows how long a stream will be
 
 
@@ -249,25 +236,13 @@ def _lidars(
     if grid is None or not roles.scan:
         return {}
     model = lidar_model(grid, settings, make_field, backend, threads)
-    check = _check(grid, settings, make_field)
+    check = make_check(grid, settings, make_field)
     names = _numbered("lidar", len(roles.scan))
     alphas = [alpha_of(temperature, name, lidar_temperature(settings)) for name in names]
     return {
         topic: Lidar(name, model, settings.beams, alpha, check)
         for topic, name, alpha in zip(roles.scan, names, alphas, strict=True)
     }
-
-
-def _check(grid: OccupancyGrid, settings: Settings, make_field: FieldMaker) -> Check | None:
-    """The textbook's likelihood field, to judge fits; None where the model's own likelihood is that one."""
-    own, textbook = settings.lidars[lidar_entry(settings.model).group], LikelihoodFieldParameters()
-    if isinstance(own, LikelihoodFieldParameters) and all(
-        getattr(own, name) == getattr(textbook, name) for name in _SCALE_OF_FIT
-    ):
-        return None
-    p = settings.beams
-    selection = BeamSelection(p.max_beams, p.laser_min_range, p.laser_max_range)
-    return Check(make_field_model(grid, textbook, make_field), selection)
 
 
 def _cameras(
@@ -286,11 +261,6 @@ def _cameras(
         topic: Camera(name, model, landmarks, alpha)
         for topic, name, alpha in zip(roles.vision, names, alphas, strict=True)
     }
-
-
-def lidar_temperature(settings: Settings) -> Temperature:
-    """Temperature of a lidar that no option names: robots have none."""
-    return LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0
 
 
 def alpha_of(temperature: Mapping[str, Temperature], sensor: str, default: Temperature) -> Temperature:

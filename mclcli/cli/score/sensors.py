@@ -24,7 +24,8 @@ def instruments(
     from mclcli.io.maps.field_cache import cached_field
     from mclcli.io.tables.landmarks_file import read_bearings, read_landmarks
     from mclcli.native.backend import choose
-    from mclcli.replay.setup import VISION_TEMPERATURE, alpha_of, lidar_model, lidar_temperature
+    from mclcli.replay.checking import lidar_temperature
+    from mclcli.replay.setup import VISION_TEMPERATURE, alpha_of, lidar_model
     from mclcli.sensors.bearing import BearingModel
     from mclcli.sensors.instruments import Camera, Lidar
 
