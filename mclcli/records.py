@@ -161,7 +161,7 @@ class StepRecord:
     ``reliability`` in [0, 1]: about the share of beams that the map explains, see ``mclcli.filter.fit``.
     ``hypotheses`` finds the heaviest clusters, in falling order of weight, when somebody asks: that takes as long as
     half a step. ``injected`` particles of the next step were drawn anew. ``counts`` are beams and sightings scored per
-    sensor; with temperature ``auto``, α·count is K_eff.
+    sensor; with temperature ``auto``, α·count is K_eff. ``lost``: the robot is probably lost, or off the map.
     """
 
     step: int
@@ -184,6 +184,7 @@ class StepRecord:
     hypotheses: Callable[[], tuple[Hypothesis, ...]] = tuple
     injected: int = 0
     counts: tuple[int, ...] = ()
+    lost: bool = False
 
 
 @final

@@ -22,6 +22,7 @@ class Purpose(IntEnum):
     KLD = 5
     SCATTER = 6
     LOT = 7
+    RIVALS = 8
     BOOTSTRAP = 101
 
 

@@ -17,6 +17,7 @@ from mclcli.filter import estimate, fit, recovery, temperature, weights
 from mclcli.filter.kld import KldParameters, kld_size
 from mclcli.filter.recovery import RecoveryParameters
 from mclcli.filter.resampling import RESAMPLERS
+from mclcli.filter.rivals import Rivals
 from mclcli.native.backend import NUMPY, Backend
 from mclcli.records import StepRecord
 
@@ -32,6 +33,8 @@ if TYPE_CHECKING:
 
 
 _WAY = (0.1, 0.1)  # [m], [rad]
+_NONE = np.empty((0, 3))
+_PROPOSED = 5  # times as many poses as there are particles are looked at for a robot that seems lost
 
 
 @final
@@ -40,7 +43,8 @@ class FilterState:
     """Particles (N, 3) and their normalised log-weights (N,) between two steps.
 
     ``correlations`` are what temperature ``auto`` measured, by sensor; ``way`` is how far the robot has moved [m] and
-    turned [rad] since the particles were resampled; ``averages`` tell how well readings have fitted.
+    turned [rad] since the particles were resampled; ``averages`` tell how well readings have fitted;
+    ``rivals`` are where it may be instead.
     """
 
     step: int
@@ -49,6 +53,7 @@ class FilterState:
     correlations: Mapping[str, Correlation] = field(default_factory=dict)
     way: tuple[float, float] = (0.0, 0.0)
     averages: Averages | None = None
+    rivals: Rivals = field(default_factory=Rivals)
 
 
 def initial_state(poses: FloatArray, step: int = 0) -> FilterState:
@@ -112,13 +117,20 @@ class Localizer:
         weighed = self._weigh(state.log_weights, alphas, log_likelihoods)
         record = self._record(_At(state.step, stamp_ns, segment), poses, measurements, weighed, log_evidence)
         averages, way = self._observe(state.averages, record), add_way(state.way, increment)
-        record = self._decide(record, way, averages if propose else None)
-        after = self._resample(record, propose) if record.resampled else _carry(record, weighed.log_total)
+        rivals, anew = Rivals(), _NONE
+        if propose and averages and self.recovery.gated:
+            usual = math.exp(averages.log_slow)
+            rivals = self._compete(state.rivals, increment, record, measurements, usual, propose)
+            anew = self._draw(record, averages, lambda _, n, draws: _some(rivals.proven, n, draws))
+        elif propose and averages:
+            anew = self._draw(record, averages, propose)
+        record = self._decide(record, way, round(len(anew) / self.size.max_particles * poses.shape[0]))
+        after = self._resample(record, anew) if record.resampled else _carry(record, weighed.log_total)
         if self.parameters.estimate == "after":
             reported = self._belief(after.poses, weights.normalise(after.log_weights), "after")
             record = dataclasses.replace(record, **reported)
         # What a robot that is being looked for sees from where it was thought to be says nothing of its beams.
-        sought = propose is not None and record.reliability < fit.PROBABLY_LOST
+        sought = record.injected > 0
         known = state.correlations
         next_state = FilterState(
             after.step,
@@ -129,6 +141,7 @@ class Localizer:
             else temperature.observe(measurements, record.estimate.pose, known, self.backend),
             way=(0.0, 0.0) if record.resampled else way,
             averages=None if record.injected and self.recovery.forgets else averages,
+            rivals=rivals,
         )
         return next_state, record
 
@@ -171,6 +184,7 @@ class Localizer:
     ) -> StepRecord:
         """Everything that the weights say; whether to resample is still to be decided."""
         counts = tuple([m.count for m in measurements])
+        reliability = fit.of_update(measurements, log_evidence, poses, weighed.weights)
         return StepRecord(
             step=at.step,
             stamp_ns=at.stamp_ns,
@@ -187,8 +201,9 @@ class Localizer:
             beams_used=sum(counts),
             segment=at.segment,
             **self._belief(poses, weighed.weights, "before"),
-            reliability=fit.of_all(measurements, log_evidence),
+            reliability=reliability,
             counts=counts,
+            lost=reliability < fit.PROBABLY_LOST,
         )
 
     def _belief(self, poses: FloatArray, normalised: FloatArray, when: str) -> dict[str, Any]:
@@ -212,13 +227,38 @@ class Localizer:
             return None
         return recovery.observe(averages, recovery.log_fit(record, self.recovery.recovery_rule), self.recovery)
 
-    def _decide(self, record: StepRecord, way: tuple[float, float], averages: Averages | None) -> StepRecord:
-        """How many particles to draw anew, and whether to resample: always for those, else by all policies together."""
+    def _compete(
+        self,
+        rivals: Rivals,
+        increment: FloatArray,
+        record: StepRecord,
+        measurements: Sequence[Measurement],
+        usual: float,
+        propose: Propose,
+    ) -> Rivals:
+        """Rivals after this update: none of a robot that does not seem lost, else those that fit, and new ones."""
+        if not record.lost:
+            return Rivals()
+        draws, largest = rng.stream(self.seed, rng.Purpose.RIVALS, record.step), self.size.max_particles
+        moved = self.motion.sample(rivals.poses, increment, draws.standard_normal(rivals.poses.shape))
+        proposed = propose(record, _PROPOSED * largest, draws)
+        return Rivals(moved, rivals.ages).joined_by(proposed).judged(measurements, usual, largest)
+
+    def _draw(self, record: StepRecord, averages: Averages, propose: Propose) -> FloatArray:
+        """Particles drawn anew, as many as there would be of the largest set."""
+        n, largest = record.poses.shape[0], self.size.max_particles
+        if not averages.share > 0.0:
+            return _NONE
+        lot = rng.stream(self.seed, rng.Purpose.LOT, record.step).random()
+        injected = int(averages.share * n + lot)  # share·n on average, as near to it as whole numbers are
+        if not injected:
+            return _NONE
+        draws = rng.stream(self.seed, rng.Purpose.RECOVERY, record.step)
+        return propose(record, max(1, round(injected / n * largest)), draws)
+
+    def _decide(self, record: StepRecord, way: tuple[float, float], injected: int) -> StepRecord:
+        """Whether to resample: always for particles that were drawn anew, else by all policies together."""
         p, n = self.parameters, record.poses.shape[0]
-        injected = 0
-        if averages is not None and averages.share > 0.0:
-            lot = rng.stream(self.seed, rng.Purpose.LOT, record.step).random()
-            injected = int(averages.share * n + lot)  # share·n on average, as near to it as whole numbers are
         due = (
             is_turn_of(record.step, p.resample_interval)
             and (not p.resample_moved or is_way(way))
@@ -226,16 +266,11 @@ class Localizer:
         )
         return dataclasses.replace(record, resampled=True, injected=injected) if due or injected else record
 
-    def _resample(self, record: StepRecord, propose: Propose | None) -> FilterState:
-        """Equally weighted particles: ``injected`` of N drawn anew, the others copies of their ancestors."""
+    def _resample(self, record: StepRecord, anew: FloatArray) -> FilterState:
+        """Equally weighted particles: those drawn ``anew`` (K, 3), the others copies of their ancestors."""
         resampler = RESAMPLERS[self.parameters.resampler]
-        share = record.injected / record.poses.shape[0]
-        anew = np.empty((0, 3))
-        if propose is not None and share:
-            draws = rng.stream(self.seed, rng.Purpose.RECOVERY, record.step)
-            anew = propose(record, max(1, round(share * self.size.max_particles)), draws)
         n = self._wanted_size(record, anew)
-        anew = anew[: round(share * n)]
+        anew = anew[: round(len(anew) / self.size.max_particles * n)]
         draws = rng.stream(self.seed, rng.Purpose.RESAMPLE, record.step)
         ancestors = resampler(record.weights, n - anew.shape[0], draws, self.backend)
         poses = record.poses.take(ancestors, axis=0)
@@ -252,6 +287,11 @@ class Localizer:
         resampler = RESAMPLERS[self.parameters.resampler]
         pilot = resampler(record.weights, largest - anew.shape[0], draws, self.backend)
         return kld_size(np.concatenate([record.poses.take(pilot, axis=0), anew]), self.size, draws, self.backend)
+
+
+def _some(poses: FloatArray, n: int, draws: np.random.Generator) -> FloatArray:
+    """Of poses (K, 3) n draws, or none where K is 0."""
+    return poses[draws.integers(len(poses), size=n)] if len(poses) else _NONE
 
 
 def _carry(record: StepRecord, log_total: float) -> FilterState:

@@ -5,13 +5,11 @@ Two running averages of how well readings fit, v, one slow and one fast:
     w_slow += α_slow (v − w_slow),    w_fast += α_fast (v − w_fast),    share injected = max(0, 1 − w_fast / w_slow)
 
 Source: Thrun, Burgard, Fox 2005, table 8.3, with another v: there it is the mean weight, a product over all beams,
-whose ratio says nothing (a belief that fits normally would draw most particles anew). Here it is that of each beam
-
-    v = exp((1/K) · log Σ W_{t−1} e^ℓ)
-
-with ℓ untempered and K the beams and sightings scored. And the averages go on after particles were drawn anew, where
-the book's begin from the next v: at a place where nothing fits that v is as bad, and the filter forgets that it is
-lost (docs/decisions/0016).
+whose ratio says nothing (a belief that fits normally would draw most particles anew). Here it is the reliability that
+is reported, both averages begin at 1, nothing is drawn while the robot is not reported as probably lost, and nothing
+where it would be reported as lost again. And the averages go on after particles were drawn anew, where the book's begin
+from the next v: at a place where nothing fits that v is as bad, and the filter forgets that it is lost
+(docs/decisions/0016, 0031).
 """
 
 from __future__ import annotations
@@ -40,7 +38,7 @@ if TYPE_CHECKING:
 _LOG_ZERO = -math.inf
 
 
-RecoveryRule = Literal["per_beam", "linear", "normalised"]
+RecoveryRule = Literal["reliability", "linear", "normalised"]
 
 
 @final
@@ -61,24 +59,29 @@ class RecoveryParameters:
         0.1, "rate of the fast average; 0: never recover", low=0.0, high=1.0, in_nav2=True
     )
     recovery_rule: RecoveryRule = parameter(
-        "per_beam",
-        "how well readings fit: likelihood per beam, their whole likelihood, or the mean of normalised weights (1/N)",
+        "reliability",
+        "how well readings fit: reliability, their whole likelihood, or the mean of normalised weights (1/N)",
         choices=get_args(RecoveryRule),
         source="linear: nav2_amcl; normalised: Beluga",
     )
 
     def __post_init__(self) -> None:
         validate(self)
-        if self.recovery_rule == "per_beam" and self.recovery_alpha_fast < self.recovery_alpha_slow:
+        if self.recovery_rule == "reliability" and self.recovery_alpha_fast < self.recovery_alpha_slow:
             raise UsageError(
                 f"parameter recovery_alpha_fast = {self.recovery_alpha_fast:g}: must be at least recovery_alpha_slow = "
                 f"{self.recovery_alpha_slow:g}; see `mcl params`"
             )
 
     @property
+    def gated(self) -> bool:
+        """Whether reliability decides: particles are drawn for a robot that seems lost, where it would not."""
+        return self.recovery_rule == "reliability"
+
+    @property
     def forgets(self) -> bool:
         """Whether the averages begin anew after particles were drawn: the originals' rule."""
-        return self.recovery_rule != "per_beam"
+        return not self.gated
 
     @property
     def enabled(self) -> bool:
@@ -101,14 +104,16 @@ class Averages:
 
 
 def observe(averages: Averages | None, log_v: float | None, parameters: RecoveryParameters) -> Averages | None:
-    """Averages after an update that fitted as well as log v says; None before the first, which both start from.
+    """Averages after an update that fitted as well as log v says, from None before the first.
 
-    An update without a usable measurement, log v None, changes nothing.
+    Of reliability both start from 1, else from the first v: a robot may be lost from the beginning. An update without
+    a usable measurement, log v None, changes nothing.
     """
     if log_v is None:
         return averages
-    if averages is None:
+    if averages is None and not parameters.gated:
         return Averages(log_v, log_v)
+    averages = averages or Averages(0.0, 0.0)
     slow, fast = parameters.recovery_alpha_slow, parameters.recovery_alpha_fast
     return Averages(_mix(averages.log_slow, log_v, slow), _mix(averages.log_fast, log_v, fast))
 
@@ -126,7 +131,9 @@ def log_fit(record: StepRecord, rule: RecoveryRule) -> float | None:
         return None
     if rule == "normalised":
         return -math.log(record.weights.size)
-    return record.log_evidence / (record.beams_used if rule == "per_beam" else 1)
+    if rule == "reliability":
+        return math.log(record.reliability) if record.reliability > 0.0 else _LOG_ZERO
+    return record.log_evidence
 
 
 @final

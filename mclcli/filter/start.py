@@ -55,10 +55,25 @@ class Patience(Enum):
     HOLD = "hold"
 
 
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Placed:
+    """The answer of a start that had to look for the robot: particles (n, 3), and how sure it is of where.
+
+    ``places`` (K, 3) are at ``Opening.stamp_ns``, the most probable first, with ``probabilities`` (K,);
+    ``elsewhere`` is the probability of not being on this map. K is 0 where there was nothing to go by.
+    """
+
+    poses: FloatArray
+    places: FloatArray
+    probabilities: FloatArray
+    elsewhere: float
+
+
 class Start(Protocol):
     """A way to place the first particles: at the beginning, and again in every segment of a log whose time jumps."""
 
-    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Patience:
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Placed | Patience:
         """Poses (n, 3) float64 of the base in map at ``opening.stamp_ns``, or what to wait for.
 
         Must depend on nothing but its arguments, and take all randomness from ``rng``: asked again, it gets the same.

@@ -13,11 +13,12 @@ from mclcli.render.page import LegendItem
 if TYPE_CHECKING:
     from PIL import Image
 
-    from mclcli.arrays import FloatArray, IntArray
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.render.canvas import MapCanvas
     from mclcli.world.occupancy import OccupancyGrid
 
 _TRACK = palette.TEAL
+_LOST = palette.mix(palette.CRIMSON, palette.HALO, 0.35)
 _SPREAD = palette.mix(palette.AMBER, palette.INK, 0.45)
 
 
@@ -31,6 +32,7 @@ def draw_track(
     belief: FloatArray | None = None,
     cloud: FloatArray | None = None,
     cloud_weights: FloatArray | None = None,
+    lost: BoolArray | None = None,
     title: str,
     subtitle: str = "",
 ) -> Image.Image:
@@ -54,6 +56,8 @@ def draw_track(
         Particles (P, 3) at the end of the track.
     cloud_weights
         (P,) their weights, ≥ 0, of any sum; None: equal.
+    lost
+        (N,) where the robot was probably lost; None: nowhere. Marked by a red band under the track.
     title, subtitle
         One line each.
 
@@ -77,9 +81,11 @@ def draw_track(
     marks.stroke_dashed(canvas.image, canvas.to_pixel(truth), palette.CRIMSON, 1.7)
     marks.stroke_dashed(canvas.image, canvas.to_pixel(belief), palette.AMBER, 1.7)
     spread = _draw_cloud(canvas, cloud, weights)
+    astray = _runs(lost, len(poses))
+    _draw_lost(canvas, poses, astray)
     _draw_line(canvas, poses, stamps, segments)
     _draw_ends(canvas, poses)
-    legend = _legend(poses, stamps, truth, belief, cloud, spread=spread)
+    legend = _legend(poses, stamps, truth, belief, cloud, spread=spread, lost=bool(astray))
     return page.compose(canvas, title=title, subtitle=subtitle, legend=legend, bar=_bar(stamps))
 
 
@@ -91,6 +97,24 @@ def _per_row(values: FloatArray | None, rows: int, name: str) -> FloatArray | No
     if values.shape != (rows,) or not np.isfinite(values).all():
         raise ValueError(f"{name}: expected {rows} finite numbers, got shape {values.shape}")
     return values
+
+
+def _runs(lost: BoolArray | None, rows: int) -> list[slice]:
+    """The stretches of poses in a row that are marked."""
+    if lost is None:
+        return []
+    if np.shape(lost) != (rows,):
+        raise ValueError(f"lost: expected {rows} truths, got shape {np.shape(lost)}")
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], lost, [False]]).astype(np.int8)))
+    return [slice(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _draw_lost(canvas: MapCanvas, poses: FloatArray, runs: list[slice]) -> None:
+    """A band beneath the track, and a disc where each begins: a stretch of one pose has no length."""
+    pixels = canvas.to_pixel(poses)
+    for run in runs:
+        marks.stroke(canvas.image, pixels[run], _LOST, 11.0)
+        marks.disc(canvas.image, pixels[run.start], 6.5, _LOST, _LOST)
 
 
 def _draw_line(
@@ -156,11 +180,13 @@ def _legend(
     cloud: FloatArray,
     *,
     spread: bool,
+    lost: bool,
 ) -> list[LegendItem]:
     """Entries for what is on the picture, and nothing else."""
     track = LegendItem("line", "track", _TRACK) if stamps is None else LegendItem("ramp", "track")
     entries = [
         (len(poses) > 1, track),
+        (lost, LegendItem("line", "probably lost", _LOST)),
         (len(truth) > 0, LegendItem("dashes", "reference", palette.CRIMSON)),
         (len(belief) > 0, LegendItem("dashes", "what the robot believed", palette.AMBER)),
         (len(poses) > 1, LegendItem("ring", "start")),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.filter import particles, temperature
-from mclcli.filter.start import Patience
+from mclcli.filter.start import Patience, Placed
 from mclcli.geometry import se2, se3
 from mclcli.records import LandmarkSightings, LaserScan
 from mclcli.search import lattice, locating, scene, window
@@ -191,8 +191,8 @@ class FoundOnMap:
     search: GlobalSearch
     grid: OccupancyGrid
 
-    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> FloatArray | Patience:
-        """Poses (n, 3) at ``opening.stamp_ns``."""
+    def place(self, opening: Opening, n: int, rng: np.random.Generator) -> Placed | Patience:
+        """Particles at ``opening.stamp_ns``, and how probable each place is."""
         odometry = np.array([o.odom_from_base for o in opening.observations])
         scans = window.spread(odometry, _PATIENCE)
         last = opening.complete or scans.size >= _PATIENCE
@@ -202,7 +202,11 @@ class FoundOnMap:
         if not last and (location is None or location.modes[0].share < _SURE):
             return Patience.HOLD
         first_from_last = se2.between(odometry[-1], odometry[0])
-        return _drawn(location, self.grid, n, rng, first_from_last)
+        poses = _drawn(location, self.grid, n, rng, first_from_last)
+        if location is None:
+            return Placed(poses, np.empty((0, 3)), np.empty(0), 0.0)
+        places = se2.compose(np.array([mode.pose for mode in location.modes]), first_from_last)
+        return Placed(poses, places, np.array([mode.share for mode in location.modes]), location.elsewhere)
 
 
 @final

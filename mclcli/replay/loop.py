@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, final
 
 from mclcli import rng
-from mclcli.filter import fit, particles
+from mclcli.filter import particles
 from mclcli.filter.localizer import FilterState, initial_state
 from mclcli.filter.recovery import Situation
-from mclcli.filter.start import Opening, Patience, carried, spread_of
+from mclcli.filter.start import Opening, Patience, Placed, carried, spread_of
 from mclcli.geometry import se2
 from mclcli.records import Estimate, LandmarkSightings, LaserScan, StampedPose, StepRecord, TrackPoint
 from mclcli.replay.intake import Intake, Setup
@@ -211,11 +211,14 @@ class _Run:
             for observation in held[1:]:
                 yield from self._begin(observation)
             return
+        if isinstance(poses, Placed):
+            self._tally.found.append((first.reading.stamp_ns, poses))
+            poses = poses.poses
         self._belief = _Belief(initial_state(poses, self._next_step), first.odom_from_base, None)
         for observation in held:
             yield from self._process(observation)
 
-    def _place(self, opening: Opening) -> FloatArray | Patience:
+    def _place(self, opening: Opening) -> FloatArray | Placed | Patience:
         """First particles: around the operator's last pose, else where the start says."""
         localizer = self._setup.localizer
         n, draws = localizer.size.max_particles, rng.stream(localizer.seed, rng.Purpose.INITIALISE, self._next_step)
@@ -252,7 +255,7 @@ class _Run:
         watch = self._watch
         if watch is None:
             return False
-        if record.reliability < fit.PROBABLY_LOST:
+        if record.lost:
             return True
         watch.left -= 1
         self._watch = watch if watch.left else None
@@ -281,7 +284,7 @@ class _Run:
         moved = se2.between(before.odom_from_base, path.at(jump.before_ns))
         odom = se2.compose(path.at(jump.after_ns), se2.inverse(moved))  # all but the step in doubt
         other = self._update(dataclasses.replace(before, odom_from_base=odom), observation)
-        return other if other.record.reliability >= fit.PROBABLY_LOST else update
+        return update if other.record.lost else other
 
     def _is_due(self, belief: _Belief, observation: Observation) -> bool:
         if belief.estimate is None:
@@ -313,14 +316,14 @@ class _Run:
         """Make an update the belief."""
         record, increment = update.record, update.increment
         self._since_update.clear()
-        self._lost = record.reliability < fit.PROBABLY_LOST
+        self._lost = record.lost
         if not self._lost:
             self._astray.clear()
         elif self._setup.proposal is not None:
             self._astray.append(update.observations)
         self._next_step = update.state.step
         self._tally.take_update(record, update.measurements)
-        self._tally.judge(record, lost=self._lost)
+        self._tally.judge(record)
         self._tally.distance += math.hypot(increment[0], increment[1])
         self._belief = _Belief(update.state, update.observations[-1].odom_from_base, record.estimate)
         return self._belief

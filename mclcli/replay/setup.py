@@ -13,6 +13,7 @@ from mclcli.filter.start import Anywhere, AroundPose, Start, WhenTold
 from mclcli.io.recording.unusable import because, no_map, no_scan, obstacles
 from mclcli.native.backend import COMPILED, NUMPY, Backend, choose
 from mclcli.records import LandmarkSightings, LaserScan, Odometry, PixelSightings
+from mclcli.replay.checking import lidar_temperature, make_check
 from mclcli.replay.loop import Setup
 from mclcli.sensors.bearing import BearingModel
 from mclcli.sensors.instruments import Camera, Lidar
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
     Mounts = Mapping[str, FloatArray]
 
 # Measured, see docs/decisions/0004 and 0013.
-LIDAR_TEMPERATURE: Final = "auto"
 VISION_TEMPERATURE: Final = 0.15
 _UPDATES_OF_A_STREAM = 1500  # nobody knows how long a stream will be
 
@@ -236,11 +236,11 @@ def _lidars(
     if grid is None or not roles.scan:
         return {}
     model = lidar_model(grid, settings, make_field, backend, threads)
+    check = make_check(grid, settings, make_field)
     names = _numbered("lidar", len(roles.scan))
-    default: Temperature = LIDAR_TEMPERATURE if settings.profile == "textbook" else 1.0
-    alphas = [alpha_of(temperature, name, default) for name in names]
+    alphas = [alpha_of(temperature, name, lidar_temperature(settings)) for name in names]
     return {
-        topic: Lidar(name, model, settings.beams, alpha)
+        topic: Lidar(name, model, settings.beams, alpha, check)
         for topic, name, alpha in zip(roles.scan, names, alphas, strict=True)
     }
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, final
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from mclcli.filter.start import Placed
     from mclcli.motion.odometry import Jump
     from mclcli.records import StepRecord
     from mclcli.sensors import Measurement
@@ -35,12 +36,28 @@ class Reset:
 
 @final
 @dataclass(slots=True)
+class Stretch:
+    """Updates in a row at which the robot was probably lost, from stamp to stamp.
+
+    ``first`` and ``last`` (2,) are x, y [m] as stated there; ``reliability`` is the least of them.
+    """
+
+    first_ns: int
+    last_ns: int
+    first: tuple[float, float]
+    last: tuple[float, float]
+    reliability: float
+    updates: int = 1
+
+
+@final
+@dataclass(slots=True)
 class ReplayTally:
     """What became of the readings (by topic) and of the odometry, and what was scored (by sensor).
 
     ``segments`` begin where time jumped back (``time_jumps``), with ``further_logs`` that follow none, and at
     ``resets`` in gaps or after which the robot was lost; ``odometry_jumps`` counts all steps of odometry that cannot
-    be motion.
+    be motion. ``found`` are the starts for which the robot was searched, each with its stamp.
     """
 
     used: Counter[str] = field(default_factory=Counter)
@@ -49,6 +66,7 @@ class ReplayTally:
     degenerate: int = 0
     injected: int = 0
     restarts: int = 0
+    found: list[tuple[int, Placed]] = field(default_factory=list)
     segments: int = 1
     maps: int = 0
     time_jumps: int = 0
@@ -61,9 +79,8 @@ class ReplayTally:
     scored: Counter[str] = field(default_factory=Counter)
     unknown: Counter[str] = field(default_factory=Counter)
     independent: dict[str, float] = field(default_factory=dict)
-    unreliable: int = 0
-    doubtful_ns: list[tuple[int, int]] = field(default_factory=list)
-    _doubting: bool = False
+    lost: list[Stretch] = field(default_factory=list)
+    _losing: bool = False
 
     def take_update(self, record: StepRecord, measurements: Sequence[Measurement]) -> None:
         """Count one update: by sensor the beams or sightings scored, those of unknown ids, and Σ α·K."""
@@ -76,14 +93,16 @@ class ReplayTally:
             self.unknown[name] += measurement.unknown
             self.independent[name] = self.independent.get(name, 0.0) + alpha * measurement.count
 
-    def judge(self, record: StepRecord, *, lost: bool) -> None:
-        """Count an update at which the robot is probably lost; ``doubtful_ns`` are the spans of such updates."""
-        if not lost:
-            self._doubting = False
+    def judge(self, record: StepRecord) -> None:
+        """Note an update at which the robot is probably lost: the next of a stretch, or the first of a new one."""
+        before, self._losing = self._losing, record.lost
+        if not record.lost:
             return
-        self.unreliable += 1
-        if self._doubting:
-            self.doubtful_ns[-1] = (self.doubtful_ns[-1][0], record.stamp_ns)
-        else:
-            self.doubtful_ns.append((record.stamp_ns, record.stamp_ns))
-        self._doubting = True
+        x, y, _ = record.estimate.pose.tolist()
+        if not before:
+            self.lost.append(Stretch(record.stamp_ns, record.stamp_ns, (x, y), (x, y), record.reliability))
+            return
+        stretch = self.lost[-1]
+        stretch.last_ns, stretch.last = record.stamp_ns, (x, y)
+        stretch.reliability = min(stretch.reliability, record.reliability)
+        stretch.updates += 1

@@ -28,7 +28,8 @@ class Measurement:
     that of a reading that has nothing to do with the map.
     ``alpha`` in (0, 1], ``auto`` or ``ess``, is the temperature that its logarithm is multiplied with. ``each`` gives
     log p (count,) of every beam or sighting at one pose (3,), neighbours next to each other; None where that means
-    nothing. ``unknown`` of the sightings name no landmark of the map.
+    nothing. ``unknown`` of the sightings name no landmark of the map. ``check`` is the same reading by a model that can
+    tell how well it fits, where this one cannot.
     """
 
     sensor: str
@@ -39,6 +40,7 @@ class Measurement:
     alpha: Temperature = 1.0
     each: Callable[[FloatArray], FloatArray] | None = None
     unknown: int = 0
+    check: Measurement | None = None
 
 
 def floored_log(p: FloatArray, floor: float) -> FloatArray:

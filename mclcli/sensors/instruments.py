@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Protocol, final
 
 import numpy as np
@@ -59,6 +59,15 @@ class LidarModel(Protocol):
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
+class Check:
+    """A model, and the beams it takes, that tells how well a scan fits whatever the lidar's own model makes of it."""
+
+    model: LidarModel
+    selection: BeamSelection
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
 class Lidar:
     """A planar lidar scored by one of the lidar models."""
 
@@ -66,6 +75,7 @@ class Lidar:
     model: LidarModel
     selection: BeamSelection
     alpha: Temperature = 1.0
+    check: Check | None = None
 
     def problem(self, reading: Reading) -> str:
         """Why a scan cannot be used: its geometry makes no sense."""
@@ -83,7 +93,11 @@ class Lidar:
         """Measurement of a scan."""
         assert isinstance(reading, LaserScan)  # noqa: S101 - see problem()
         chosen = beams.select(reading, base_from_sensor, self.selection, sweep)
-        return self.model.measure(self.name, chosen, self.alpha)
+        measured = self.model.measure(self.name, chosen, self.alpha)
+        if self.check is None:
+            return measured
+        judged = beams.select(reading, base_from_sensor, self.check.selection, sweep)
+        return replace(measured, check=self.check.model.measure(self.name, judged))
 
 
 @final
@@ -125,4 +139,15 @@ def combine(instrument: Instrument, measurements: Sequence[Measurement]) -> Meas
     floor = sum(m.log_floor for m in measurements)
     each = measurements[-1].each if measurements else None
     unknown = sum(m.unknown for m in measurements)
-    return Measurement(instrument.name, log_likelihood, count, peak, instrument.alpha, each, unknown, log_floor=floor)
+    checks = [m.check for m in measurements if m.check is not None]
+    return Measurement(
+        instrument.name,
+        log_likelihood,
+        count,
+        peak,
+        instrument.alpha,
+        each,
+        unknown,
+        check=combine(instrument, checks) if checks else None,
+        log_floor=floor,
+    )

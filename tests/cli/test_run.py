@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import json
 import math
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +13,8 @@ import pytest
 from PIL import Image
 
 from mclcli.io.traces.output import Output
+from mclcli.sensors.models import LIDAR_MODELS
+from mclcli.settings.profiles import PROFILES
 from tests.cli.support import (
     MAPS,
     OFFICE_MAP,
@@ -35,7 +38,7 @@ COVARIANCE = ["cov_xx", "cov_xy", "cov_xyaw", "cov_yy", "cov_yyaw", "cov_yawyaw"
 TRACK = ["stamp", "x", "y", "yaw", *COVARIANCE, "updated", "segment"]
 FACTS = ["step", "stamp", "n", "ess", "log_evidence", "alpha_lidar", "resampled", "degenerate", "beams_used"]
 PLACES = [f"{name}_{number}" for number in (1, 2) for name in ("weight", "x", "y", "yaw")]
-ENDS = ["segment", "converged", "reliability", "injected", *PLACES, "beams_lidar"]
+ENDS = ["segment", "converged", "reliability", "injected", "lost", *PLACES, "beams_lidar"]
 STEPS = [*FACTS, "x", "y", "yaw", *COVARIANCE, *ENDS]
 WEIGHTS = ["step", "stamp", "particle", "x", "y", "yaw", "log_lidar", "log_weight", "weight"]
 SCANS = 96  # in 12 s at 8 Hz
@@ -57,6 +60,17 @@ def test_a_sample_is_tracked(tmp_path: Path, name: str, bound: float) -> None:
     with Image.open(picture) as drawn:
         assert drawn.format == "PNG"
         assert len(drawn.convert("RGB").getcolors(1 << 24) or []) > 10
+
+
+@pytest.mark.parametrize("model", list(LIDAR_MODELS))
+@pytest.mark.parametrize("profile", list(PROFILES))
+def test_lost_is_said_of_the_lost_alone_whatever_profile_and_model(run_short: Runner, profile: str, model: str) -> None:
+    words = ("--profile", profile, "--model", model, "--track", "-")
+    assert "probably lost" not in run_short(*words).err
+    lost = run_short(*words, init="4,-4,0,0.1,3deg").err
+    told = re.search(r"probably lost, or off the map, at (\d+) of (\d+) updates", lost)
+    assert told is not None
+    assert int(told[1]) >= 0.8 * int(told[2])
 
 
 @pytest.mark.parametrize("name", ["office", "warehouse"])

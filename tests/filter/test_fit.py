@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -79,6 +80,20 @@ def test_only_auto_heeds_the_fit(alpha: Temperature, expected: float) -> None:
 
     assert resolved([0.2]) == pytest.approx((expected,))
     assert resolved([0.9]) == resolved(None)
+
+
+def test_where_a_model_cannot_tell_what_checks_it_does() -> None:
+    check = Measurement("lidar", lambda p: -np.abs(p[:, 0]), 4, 0.0, log_floor=-2.0)
+    own = Measurement("lidar", lambda p: np.full(len(p), 7.0), 4, 9.0, log_floor=6.0)
+    cloud, all_but_one = np.array([[9.0, 0.0, 0.0], [0.5, 0.0, 0.0]]), np.array([0.0, 1.0])
+    assert fit.of_update([own], 7.0, cloud, all_but_one) == pytest.approx(1 / 3)
+    checked = dataclasses.replace(own, check=check)
+    assert fit.of_update([checked], 7.0, cloud, all_but_one) == pytest.approx(0.75)
+    halves = fit.of_update([checked], 7.0, cloud, np.array([0.5, 0.5]))
+    assert halves == pytest.approx(1.0 + math.log((math.exp(-9.0) + math.exp(-0.5)) / 2) / 2)
+    other = Measurement("vision", lambda p: -3.0 * p[:, 0], 1, 0.0, log_floor=-4.0)
+    both = [checked, other, Measurement("lidar_2", other.log_likelihood, 0, 0.0)]
+    assert fit.of_update(both, 7.0, cloud, all_but_one) == pytest.approx(1.0 - 2.0 / 6.0)
 
 
 @pytest.mark.parametrize("model", list(profiles.MODELS))

@@ -14,6 +14,7 @@ from mclcli.filter.kld import KldParameters, limit
 from mclcli.filter.localizer import Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.recovery import Averages, RecoveryParameters
+from mclcli.filter.rivals import Rivals
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
 from tests.reference import kld as naive
@@ -123,9 +124,10 @@ def test_every_draw_is_of_the_seed_the_step_and_a_purpose_of_its_own(monkeypatch
 
     monkeypatch.setattr(rng, "stream", noting)
     localizer = Localizer(QUIET, FilterParameters(), 77, KldParameters(20, 200), RecoveryParameters("uniform"))
-    start = dataclasses.replace(initial_state(spread(200), step=5), averages=Averages(0.0, -2.0))
-    poor = Measurement("lidar", lambda p: np.full(len(p), -2.0), 1, 0.0)
+    rivals = Rivals(np.zeros((1, 3)), np.array([9]))
+    start = dataclasses.replace(initial_state(spread(200), step=5), averages=Averages(0.0, -2.0), rivals=rivals)
+    poor = Measurement("lidar", lambda p: np.where(p[:, 0] == 0.0, 0.0, -2.0), 1, 0.0, log_floor=-4.0)
     localizer.step(start, STILL, [poor], 0, propose=lambda _, n, __: np.zeros((n, 3)))
     purpose = rng.Purpose
-    drawn = [purpose.MOTION, purpose.LOT, purpose.RECOVERY, purpose.KLD, purpose.RESAMPLE]
+    drawn = [purpose.MOTION, purpose.RIVALS, purpose.LOT, purpose.RECOVERY, purpose.KLD, purpose.RESAMPLE]
     assert asked == [(77, name, 5) for name in drawn]

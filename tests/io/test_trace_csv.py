@@ -94,13 +94,13 @@ def test_metadata_is_one_line_of_json_whatever_it_holds() -> None:
 def test_steps_have_every_column() -> None:
     stream = io.StringIO()
     writer = StepsCsv(stream)
-    made = record(3, log_evidence=-np.inf, degenerate=True)
+    made = record(3, log_evidence=-np.inf, degenerate=True, lost=True)
     writer.write(made)
     writer.write(record(4, sensors=("lidar",)))
     writer.close()
     assert stream.getvalue().startswith(
         "step,stamp,n,ess,log_evidence,alpha_lidar,alpha_vision,resampled,degenerate,beams_used,x,y,yaw,"
-        "cov_xx,cov_xy,cov_xyaw,cov_yy,cov_yyaw,cov_yawyaw,segment,converged,reliability,injected,"
+        "cov_xx,cov_xy,cov_xyaw,cov_yy,cov_yyaw,cov_yawyaw,segment,converged,reliability,injected,lost,"
         "weight_1,x_1,y_1,yaw_1,weight_2,x_2,y_2,yaw_2,beams_lidar,beams_vision\n"
     )
     first, second = csv.DictReader(stream.getvalue().splitlines())
@@ -109,6 +109,7 @@ def test_steps_have_every_column() -> None:
     assert (first["resampled"], first["degenerate"], first["converged"]) == ("0", "1", "1")
     assert float(first["cov_xyaw"]) == pytest.approx(made.estimate.covariance[0, 2], rel=1e-8)
     assert float(first["cov_yyaw"]) == pytest.approx(made.estimate.covariance[1, 2], rel=1e-8)
+    assert (first["lost"], second["lost"]) == ("1", "0")
     assert (first["injected"], first["weight_1"], first["yaw_2"]) == ("0", "", "")
     assert (first["beams_lidar"], first["beams_vision"]) == ("30", "30")
     assert (second["alpha_lidar"], second["alpha_vision"]) == ("0.3", "")

@@ -59,6 +59,22 @@ def test_the_line_breaks_between_segments() -> None:
     assert near(color_at(parted, 2.0, 3.0), palette.TEAL)
 
 
+def test_a_band_marks_where_the_robot_was_lost() -> None:
+    lost = np.zeros(61, np.bool_)
+    lost[20:31] = True
+    lost[50] = True
+    picture, plain = (draw_track(room(), DRIVE, lost=marked, title="t") for marked in (lost, np.zeros(61, np.bool_)))
+    beside = 0.0
+    for i, marked in enumerate(lost.tolist()):
+        x, y = pixel(picture, DRIVE[i, 0], 3.0)
+        changed = picture.getpixel((int(x), int(y) - 5)) != plain.getpixel((int(x), int(y) - 5))
+        beside += changed
+        assert changed or not marked
+    assert beside <= 20
+    with pytest.raises(ValueError, match="lost"):
+        draw_track(room(), DRIVE, lost=lost[1:], title="t")
+
+
 def test_the_reference_is_dashed_beneath_the_track() -> None:
     picture = draw_track(room(), DRIVE, truth=DRIVE + np.array([0.0, 1.0, 0.0]), title="t")
     at = pixel(picture, 1.2, 4.0), pixel(picture, 6.8, 4.0)

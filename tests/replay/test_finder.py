@@ -8,7 +8,7 @@ import numpy as np
 
 from mclcli import rng
 from mclcli.filter.recovery import Situation
-from mclcli.filter.start import Opening, Patience
+from mclcli.filter.start import Opening, Patience, Placed
 from mclcli.geometry import se2
 from mclcli.motion.odometry import OdometryPath
 from mclcli.records import Estimate, StepRecord
@@ -32,11 +32,14 @@ def test_one_clear_scan_is_enough_to_start_from() -> None:
     grid = hall()
     seen = tuple(seen_from(grid, TRUE))
     placed = FoundOnMap(finder_for(grid), grid).place(Opening(0, OdometryPath(), seen), 500, draws())
-    assert isinstance(placed, np.ndarray)
-    assert placed.shape == (500, 3)
-    assert near(placed, TRUE).mean() > 0.9
+    assert isinstance(placed, Placed)
+    assert placed.poses.shape == (500, 3)
+    assert near(placed.poses, TRUE).mean() > 0.9
+    assert near(placed.places[:1], TRUE).all()
+    assert placed.probabilities[0] > 0.9
     again = FoundOnMap(finder_for(grid), grid).place(Opening(0, OdometryPath(), seen), 500, draws())
-    np.testing.assert_array_equal(placed, again)
+    assert isinstance(again, Placed)
+    np.testing.assert_array_equal(placed.poses, again.poses)
 
 
 def test_a_start_in_doubt_waits_and_then_shares_the_particles_out() -> None:
@@ -47,9 +50,11 @@ def test_a_start_in_doubt_waits_and_then_shares_the_particles_out() -> None:
     assert start.place(Opening(0, OdometryPath(), seen[:1]), 400, draws()) is Patience.HOLD
     assert start.place(Opening(0, OdometryPath(), (seen[0], seen[0])), 400, draws()) is Patience.HOLD
     placed = start.place(Opening(0, OdometryPath(), seen, complete=True), 400, draws())
-    assert isinstance(placed, np.ndarray)
+    assert isinstance(placed, Placed)
     twin = (TRUE[0] + 6.0, TRUE[1], TRUE[2])
-    shares = near(placed, TRUE).mean(), near(placed, twin).mean()  # at the first of the scans, not at the last
+    shares = near(placed.poses, TRUE).mean(), near(placed.poses, twin).mean()  # at the first of the scans
+    assert {near(placed.places[:2], at).sum() for at in (TRUE, twin)} == {1}
+    assert placed.probabilities[0] < 0.8
     assert min(shares) > 0.15
     assert sum(shares) > 0.5
 

@@ -65,7 +65,7 @@ def command(options: RunOptions) -> ExitCode:
     tally = ReplayTally()
     with Outputs(options, recording, parts, setup, settings, grid, landmarks, inputs) as outputs:
         events = _events(recording, parts, setup, outputs, references, told)
-        with report.progress(recording) as show:
+        with report.progress(recording, tally) as show:
             for point in replay(events, setup, tally):
                 outputs.write(point)
                 show(point)
@@ -80,7 +80,7 @@ def command(options: RunOptions) -> ExitCode:
     if options.picture:
         title = f"Track of {', '.join(recording.log.names)}"
         subtitle = compared[0] if compared else report.extent(tally, outputs.track)
-        report.draw(options.picture, inputs, grid, outputs, findings, title, subtitle)
+        report.draw(options.picture, inputs, grid, outputs, findings, tally.lost, title, subtitle)
     return ExitCode.DAMAGED if recording.tally.lossy else ExitCode.COMPLETE
 
 

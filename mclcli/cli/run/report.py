@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from mclcli.cli import console
+from mclcli.cli.run import beginnings
 from mclcli.filter.fit import PROBABLY_LOST
 from mclcli.text import clean, counted
 
@@ -18,23 +19,32 @@ if TYPE_CHECKING:
 
     from PIL.Image import Image
 
+    from mclcli.arrays import BoolArray, IntArray
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import Findings
     from mclcli.geometry.trajectory import Track
     from mclcli.io.recording.recording import Recording
     from mclcli.records import TrackPoint
     from mclcli.replay.loop import ReplayTally, Setup
+    from mclcli.replay.tally import Stretch
     from mclcli.sensors.instruments import Instrument
     from mclcli.world.occupancy import OccupancyGrid
 
 _REDRAW_S = 0.1
+_STRETCHES = 5  # that a summary names
 
 
 @contextmanager
-def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
-    """Live progress on stderr while it is a terminal: percent of the log, × real time, ESS, pose."""
+def progress(recording: Recording, tally: ReplayTally) -> Iterator[Callable[[TrackPoint], None]]:
+    """Starts that were searched for, and live progress while stderr is a terminal: percent, × real time, ESS, pose."""
+    told = 0
+
+    def tell(_: TrackPoint) -> None:
+        nonlocal told
+        told = beginnings.tell(recording, tally, told)
+
     if recording.survey.span_ns is None or not console.is_live():
-        yield lambda _: None
+        yield tell
         return
     from rich.live import Live
     from rich.text import Text
@@ -47,6 +57,7 @@ def progress(recording: Recording) -> Iterator[Callable[[TrackPoint], None]]:
 
         def show(point: TrackPoint) -> None:
             nonlocal drawn, ess
+            tell(point)
             if point.step is not None:
                 ess = f"ESS {point.step.ess:.0f} of {len(point.step.weights)}"
             now = time.perf_counter()
@@ -73,6 +84,7 @@ def extent(tally: ReplayTally, track: Track) -> str:
 def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Track, seconds: float) -> list[str]:
     """What the run did, in a few lines."""
     lines = [f"{extent(tally, track)} in {seconds:.2f} s ({track.seconds / seconds:.0f} × real time)"]
+    lines += beginnings.repeated(recording, tally)
     for topic, instrument in setup.instruments.items():
         lines.append(f"{instrument.name} {clean(topic)}: {tally.used[topic]} used{_skipped(tally, topic)}")
         lines += _scored(instrument, tally)
@@ -87,19 +99,26 @@ def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Tra
         lines
         + _resets(recording, setup, tally)
         + _events_of(setup, tally)
-        + _doubts(recording, tally)
+        + _losses(recording, tally)
         + _unread(recording)
     )
 
 
-def _doubts(recording: Recording, tally: ReplayTally) -> list[str]:
-    """When the robot was probably lost, or where the map knows nothing."""
-    if not tally.doubtful_ns:
+def _losses(recording: Recording, tally: ReplayTally) -> list[str]:
+    """When and where the robot was probably lost, or where the map knows nothing: the first stretches."""
+    if not tally.lost:
         return []
-    first_ns, last_ns = max(tally.doubtful_ns, key=lambda span: span[1] - span[0])
-    share = f"{tally.unreliable} of {tally.updates} updates (reliability < {PROBABLY_LOST:g})"
-    begin, end = ((stamp_ns - recording.first_ns) * 1e-9 for stamp_ns in (first_ns, last_ns))
-    return [f"probably lost, or off the map, at {share}, longest from {begin:.1f} to {end:.1f} s of the log"]
+    total = sum(stretch.updates for stretch in tally.lost)
+    lines = [f"probably lost, or off the map, at {total} of {tally.updates} updates (reliability < {PROBABLY_LOST:g}):"]
+    for stretch in tally.lost[:_STRETCHES]:
+        begin, end = ((stamp_ns - recording.first_ns) * 1e-9 for stamp_ns in (stretch.first_ns, stretch.last_ns))
+        (x0, y0), (x1, y1) = stretch.first, stretch.last
+        where = f"{x0:.1f},{y0:.1f} to {x1:.1f},{y1:.1f}"
+        lines.append(
+            f"  lost from {begin:.1f} to {end:.1f} s of the log, {where}, reliability {stretch.reliability:.2f}"
+        )
+    more = len(tally.lost) - _STRETCHES
+    return lines + [f"  and {more} more; column lost of --steps has them all"] * (more > 0)
 
 
 def _resets(recording: Recording, setup: Setup, tally: ReplayTally) -> list[str]:
@@ -155,6 +174,7 @@ def draw(
     grid: OccupancyGrid | None,
     outputs: Outputs,
     findings: Findings,
+    lost: Sequence[Stretch],
     title: str,
     subtitle: str,
 ) -> None:
@@ -176,10 +196,19 @@ def draw(
         belief=None if belief is None else belief.poses,
         cloud=None if last is None else last.poses,
         cloud_weights=None if last is None else last.weights,
+        lost=_within(stamps, lost),
         title=title,
         subtitle=subtitle,
     )
     pictures.save(_with_findings(picture, findings, span[0]), target, inputs)
+
+
+def _within(stamps_ns: IntArray, stretches: Sequence[Stretch]) -> BoolArray:
+    """Which stamps (N,) are in one of the stretches."""
+    inside = np.zeros(stamps_ns.size, np.bool_)
+    for stretch in stretches:
+        inside |= (stamps_ns >= stretch.first_ns) & (stamps_ns <= stretch.last_ns)
+    return inside
 
 
 def _with_findings(picture: Image, findings: Findings, first_ns: int) -> Image:

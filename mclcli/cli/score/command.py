@@ -12,7 +12,10 @@ from mclcli.errors import InputError
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
+    from mclcli.filter.parameters import FilterParameters
     from mclcli.sensors import Measurement
+
+_WHAT = {"lidar": "beams", "vision": "bearings"}
 
 
 @click.command("score", short_help="Score poses of a robot against one scan.")
@@ -24,6 +27,7 @@ def command(options: ScoreOptions) -> None:
     \b
         mcl extract LOG --at 12.3 | mcl score - --map m.yaml --around 1,2,90deg -n 1000 | sort -t, -k5 -g | tail
     """  # noqa: D301 - click's mark for a verbatim paragraph
+    from mclcli.cli import console
     from mclcli.cli.chosen import choose_settings, warn_of_turned_map
     from mclcli.cli.one_scan import find_scan
     from mclcli.cli.score import explain, output
@@ -31,7 +35,7 @@ def command(options: ScoreOptions) -> None:
     from mclcli.cli.score.sensors import instruments
     from mclcli.filter import weights
 
-    chosen = choose_settings(options.parameters, {"max_beams": 0})
+    chosen = choose_settings(options.parameters, {} if options.as_run else {"max_beams": 0})
     settings = chosen.settings
     grid = options.map_limits.load(options.map_file)
     warn_of_turned_map(grid, settings)
@@ -43,8 +47,9 @@ def command(options: ScoreOptions) -> None:
     used = instruments(options, settings, grid, scan, len(candidates.poses))
     measurements = [instrument.measure(reading, mount) for instrument, reading, mount in used]
     log_likelihoods = weights.score(measurements, candidates.poses)
-    alphas = _alphas(measurements, log_likelihoods, candidates.poses, settings.filter.ess_target)
+    alphas = _alphas(measurements, log_likelihoods, candidates.poses, settings.filter, as_run=options.as_run)
     log_weights = weights.temper(alphas, log_likelihoods)
+    console.remark(_how(options, measurements, alphas))
     if not weights.usable(log_weights):
         raise InputError("no pose has a weight: every likelihood is zero or not a number; check the poses")
     result = output.Scores(
@@ -57,21 +62,37 @@ def command(options: ScoreOptions) -> None:
         output.draw(result, options.heatmap, inputs, grid, options.map_file.name)
 
 
+def _how(options: ScoreOptions, measurements: list[Measurement], alphas: tuple[float, ...]) -> str:
+    """How the poses were scored, beside how a run would do it."""
+    used = zip(measurements, alphas, strict=True)
+    parts = [f"{m.sensor}: {m.count} {_WHAT.get(m.sensor, 'readings')} at α = {alpha:.3g}" for m, alpha in used]
+    return f"scored {', '.join(parts)}; as `mcl run` scores{'' if options.as_run else ': --as-run'}"
+
+
 def _alphas(
     measurements: list[Measurement],
     log_likelihoods: FloatArray,
     poses: FloatArray,
-    ess_target: float,
+    parameters: FilterParameters,
+    *,
+    as_run: bool,
 ) -> tuple[float, ...]:
-    """Temperatures; ``auto`` looks at the beams from the likeliest pose, ``ess`` at equally weighted poses."""
+    """Temperatures; ``auto`` looks at the beams from the likeliest pose, ``ess`` at equally weighted poses.
+
+    ``as_run`` heeds how well the scan fits, too.
+    """
     from mclcli.cli import console
-    from mclcli.filter import temperature
-    from mclcli.filter.weights import uniform_log_weights
+    from mclcli.filter import fit, temperature
+    from mclcli.filter.weights import evidences, uniform_log_weights
 
     best = poses[int(log_likelihoods.sum(axis=0).argmax())]
     correlations = temperature.observe(measurements, best, {})
     carried = uniform_log_weights(poses.shape[0])
-    alphas = temperature.resolve(measurements, log_likelihoods, carried, correlations, ess_target)
+    fits = fit.of_each(measurements, evidences(carried, log_likelihoods)[1]) if as_run else None
+    trusted = (parameters.fit_ignored, parameters.fit_trusted)
+    alphas = temperature.resolve(
+        measurements, log_likelihoods, carried, correlations, parameters.ess_target, fits, trusted
+    )
     for measurement, alpha in zip(measurements, alphas, strict=True):
         if isinstance(measurement.alpha, str):
             effective = f", {alpha * measurement.count:.1f} of {measurement.count} independent" * (

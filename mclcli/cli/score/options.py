@@ -51,6 +51,7 @@ class ScoreOptions:
     output: str | None
     heatmap: str | None
     explain: bool
+    as_run: bool
     picture: str | None
     parameters: ParameterOptions
     sensors: SensorOptions
@@ -152,6 +153,11 @@ score_options = options.all_of(
         shell_complete=completion.files,
         callback=parse_picture,
         help="Draw the likelihood over x, y (best over yaw).",
+    ),
+    click.option(
+        "--as-run",
+        is_flag=True,
+        help="Score as `mcl run` does: its max_beams and temperature. Without it all beams count, at α = 1.",
     ),
     click.option("--explain", is_flag=True, help="For one pose: a row per beam and landmark instead of one per pose."),
     click.option(

@@ -1,0 +1,49 @@
+"""Places where a robot that seems lost may be instead, and how long they have held out beside what the filter believes.
+
+A single reading fits somewhere on every map. So a pose that was drawn anew does not become a particle at once: it moves
+with the robot, and has to fit update after update.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, final
+
+import numpy as np
+
+from mclcli.filter import fit
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mclcli.arrays import FloatArray, IntArray
+    from mclcli.sensors import Measurement
+
+HELD_OUT = 3  # updates that a rival has to fit before it may become a particle
+_AS_USUAL = 0.93  # of how well readings have fitted on the whole, that a rival has to fit
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Rivals:
+    """Poses (K, 3), and at how many updates in a row each has fitted (K,)."""
+
+    poses: FloatArray = field(default_factory=lambda: np.empty((0, 3)))
+    ages: IntArray = field(default_factory=lambda: np.empty(0, np.int64))
+
+    def joined_by(self, poses: FloatArray) -> Rivals:
+        """These and new ones (L, 3)."""
+        ages = np.concatenate([self.ages, np.zeros(len(poses), np.int64)])
+        return Rivals(np.concatenate([self.poses, poses]), ages)
+
+    def judged(self, measurements: Sequence[Measurement], usual: float, most: int) -> Rivals:
+        """Those that fit this update too, about as well as is ``usual``, each by one older; the oldest, so many."""
+        fits = fit.of_poses(measurements, self.poses) >= max(fit.PROBABLY_LOST, _AS_USUAL * usual)
+        kept = np.flatnonzero(fits)
+        kept = kept[np.argsort(-self.ages[kept], kind="stable")][:most]
+        return Rivals(self.poses[kept], self.ages[kept] + 1)
+
+    @property
+    def proven(self) -> FloatArray:
+        """Poses (M, 3) that have held out long enough."""
+        return self.poses[self.ages >= HELD_OUT]
