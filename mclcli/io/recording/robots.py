@@ -73,8 +73,8 @@ class _Place:
 def find_robots(survey: LogSurvey, base_frame: str = "", named: Collection[str] = ()) -> list[Robot]:
     """The robots of a log that have a sensor, by name; one without, if none has.
 
-    ``base_frame`` is a base whatever it is called. Of very many topics those ``named``, and those beside them, are looked
-    at, and those with most messages.
+    ``base_frame`` is a base whatever it is called. Of very many topics those ``named`` are looked at, others beside
+    them, and those with most messages.
     """
     survey = _bounded(survey, named)
     sensors = [topic.channel.topic for topic in survey.of_type(*SCAN, *SIGHTINGS)]
