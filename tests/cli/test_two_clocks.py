@@ -110,7 +110,7 @@ def test_one_sensor_with_another_clock_is_told_and_does_not_count(tmp_path: Path
 def test_reports_of_a_run_count_from_the_first_stamp(tmp_path: Path) -> None:
     log = log_of(tmp_path, simulated)
     lost = mcl("run", log, "--map", tmp_path / "room.yaml", "--init", "-3,-2,0", "--track", tmp_path / "t.csv")
-    told = re.search(r"longest from ([-\d.]+) to ([-\d.]+) s of the log", lost.err)
+    told = re.search(r"lost from ([-\d.]+) to ([-\d.]+) s of the log", lost.err)
     assert told
     assert 0.0 <= float(told[1]) < float(told[2]) <= 12.0
 
