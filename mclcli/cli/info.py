@@ -159,10 +159,11 @@ def _odd(recording: Recording | SampledLog, parts: Roles, lidars: list[dict[str,
     from mclcli.io.recording.robots import find_robots
 
     tree = parts.frames if parts.robot else recording.survey.frames
-    named = _named_frames(recording.survey)
+    named, robots = _named_frames(recording.survey), find_robots(recording.survey)
+    others = [robot.base for robot in robots if robot.base and not tree.connected(robot.base, parts.base_frame)]
     lines = [
-        *loose_frames(tree),
-        *problems_of(recording.survey, find_robots(recording.survey)),
+        *loose_frames(tree, others),
+        *problems_of(recording.survey, robots),
         *(f"odometry: {line}" for line in parts.doubts),
     ]
     for lidar in lidars:

@@ -78,6 +78,16 @@ def test_info_names_the_robots(tmp_path: Path) -> None:
     assert "robot robot2: /robot2/scan, /robot2/odom, tf (--robot robot2)" in mcl("info", path).out.decode()
 
 
+def test_robots_that_share_their_transforms_are_not_loose_frames(tmp_path: Path) -> None:
+    shared = [Drive(f"/{name}", f"{name}/", lead=lead, tf_space="") for name, lead in (("tb1", 0.0), ("tb2", 3.0))]
+    loose = [at(0.0, "/tf_static", TF, drives.transform(0.0, "shelf", "box", (1.0, 0.0, 0.0)))]
+    path = log(tmp_path, *(drive.messages() for drive in shared))
+    assert json.loads(mcl("info", path, "--json").out)["problems"] == []
+    path = log(tmp_path, *(drive.messages() for drive in shared), loose)
+    (problem,) = json.loads(mcl("info", path, "--json").out)["problems"]
+    assert "roots shelf, tb1/odom" in problem
+
+
 def test_all_lidars_take_part(room: Path, tmp_path: Path) -> None:
     rear: Pose = (-0.2, 0.0, math.pi)
     second = every(0.2, 10.0, lambda t: at(t, "/rear", SCAN, drives.scan(t, rear, "rear")))

@@ -17,7 +17,7 @@ from mclcli.text import clean, counted
 
 if TYPE_CHECKING:
     import struct
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Collection, Iterable, Iterator
 
     from mclcli.arrays import BoolArray, IntArray
     from mclcli.geometry.frames import TransformTree
@@ -127,9 +127,13 @@ class Diagnosis:
         ]
 
 
-def loose_frames(tree: TransformTree) -> list[str]:
-    """A line for frames that nothing connects, none if all hang together."""
-    roots = sorted({tree.ancestors(frame)[-1] for frame in tree.frames})
+def loose_frames(tree: TransformTree, others: Collection[str] = ()) -> list[str]:
+    """A line for frames that nothing connects, none if all hang together.
+
+    Those that hang together with the bases of ``others``, robots, are apart with good reason.
+    """
+    apart = {tree.ancestors(base)[-1] for base in others}
+    roots = sorted({tree.ancestors(frame)[-1] for frame in tree.frames} - apart)
     if len(roots) < 2:
         return []
     return [f"frames: {len(roots)} trees that nothing connects, with roots {', '.join(map(clean, roots))}"]
