@@ -145,6 +145,7 @@ def test_heights_and_ids_with_leading_zeros(tmp_path: Path, text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "named"),
     [
+        ("id,x,y,z\na,1,2,3\nb,3m,40cm,2147483648\n", "landmark 'b' is farther than 1e+09 m"),
         ("id,x,y\n1,2,3\n2,2,3\n1,4,5\n", "landmark '1' stands there twice, lines 2 and 4"),
         ("- {id: 1, x: 2, y: 3}\n- {id: '1', x: 2, y: 3}\n", "landmark '1' stands there twice, lines 1 and 2"),
         ("id,x,y\n1,2,nan\n", "y: 'nan' is not a number in m"),

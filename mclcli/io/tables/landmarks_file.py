@@ -35,13 +35,19 @@ def read_landmarks(path: str | Path) -> Landmarks:
     UsageError
         If there is no such file.
     InputError
-        If it is not such a list, a number is not finite, an id is empty or repeats, naming the line; if it is empty.
+        If it is not such a list, a number is not finite or beyond 1e9 m, an id is empty or repeats, naming the line; if
+        it is empty.
 
     """
     data, name = read_bytes(path, csv_table.MAX_BYTES), str(path)
     rows = _from_csv(data, name) if _is_csv(data) else _from_yaml(safe_yaml.parse(data, name, _LIMITS), name)
     known: dict[str, int] = {}
-    for identity, _, line in rows:
+    for identity, position, line in rows:
+        if not max(map(abs, position)) <= FARTHEST:
+            raise InputError(
+                f"{name}: landmark '{clean(identity, 40)}' is farther than {FARTHEST:g} m from the map's origin, "
+                f"line {line}; correct it"
+            )
         if identity in known:
             raise InputError(
                 f"{name}: landmark '{clean(identity, 40)}' stands there twice, lines {known[identity]} and {line}; "
