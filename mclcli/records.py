@@ -162,6 +162,7 @@ class StepRecord:
     ``hypotheses`` finds the heaviest clusters, in falling order of weight, when somebody asks: that takes as long as
     half a step. ``injected`` particles of the next step were drawn anew. ``counts`` are beams and sightings scored per
     sensor; with temperature ``auto``, α·count is K_eff. ``lost``: the robot is probably lost, or off the map.
+    ``modes`` places are kept alive that the start has found; 0 once one of them is chosen.
     """
 
     step: int
@@ -185,6 +186,7 @@ class StepRecord:
     injected: int = 0
     counts: tuple[int, ...] = ()
     lost: bool = False
+    modes: int = 0
 
 
 @final

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     FindHypotheses = Callable[[], tuple[Hypothesis, ...]]
 
 _CONVERGED_RADIUS = 0.5  # [m], as nav2_amcl's dist_threshold
+_APART = (0.5, math.radians(20.0))  # standard deviations [m], [rad] above which one mean may lie between clusters
 _CONVERGED_SHARE = 0.95  # nav2_amcl asks for all, which some drawn anew would always spoil
 _THINNED = 2000
 _UNBUFFERED = 8192
@@ -39,15 +40,35 @@ def report(
 ) -> tuple[Estimate, FindHypotheses]:
     """The estimate, and a function that finds the heaviest clusters, at most so many, when it is called.
 
-    Mean and covariance are each of the whole ``set`` or of its ``heaviest`` cluster; nav2_amcl takes one of each. Of a
-    large set hypotheses are those of 2,000 of its particles: clusters of less weight are not worth reporting.
+    Mean and covariance are each of the whole ``set`` or of its ``heaviest`` cluster; nav2_amcl takes one of each. With
+    ``heaviest_if_apart`` the mean of a set that may be in two rooms is that of its heaviest cluster, and the covariance
+    of the set is about that pose. Of a large set hypotheses are those of 2,000 of its particles: clusters of less
+    weight are not worth reporting.
     """
     whole = weighted_mean(poses, weights, backend)
-    if "heaviest" not in {mean_of, covariance_of}:
+    if mean_of == "heaviest_if_apart" and not _may_be_apart(whole.covariance):
+        mean_of = "set"
+    if {mean_of, covariance_of} == {"set"}:
         return whole, functools.cache(lambda: _heaviest(_of_some(poses, weights, backend), most) if most else ())
     found = clusters.find(poses, weights, backend=backend)
-    named = {"set": whole, "heaviest": found.heaviest}
-    return Estimate(named[mean_of].pose, named[covariance_of].covariance), lambda: _heaviest(found, most)
+    stated = whole if mean_of == "set" else found.heaviest
+    if mean_of == "heaviest_if_apart":
+        whole = _about(stated.pose, poses, weights)
+    spread = whole if covariance_of == "set" else found.heaviest
+    return Estimate(stated.pose, spread.covariance), lambda: _heaviest(found, most)
+
+
+def _may_be_apart(covariance: FloatArray) -> bool:
+    """Whether a set is spread so widely that its mean may lie where none of it is."""
+    distance, turn = _APART
+    return bool(covariance[0, 0] + covariance[1, 1] > distance**2 or covariance[2, 2] > turn**2)
+
+
+def _about(pose: FloatArray, poses: FloatArray, weights: FloatArray) -> Estimate:
+    """A pose (3,) and Σ W r rᵀ of what poses (N, 3) with weights (N,) are off it."""
+    residual = poses.T - pose[:, np.newaxis]
+    residual[2] = se2.wrap(residual[2])
+    return Estimate(pose, _covariance(residual, weights))
 
 
 def _heaviest(found: clusters.Clusters, most: int) -> tuple[Hypothesis, ...]:

@@ -15,6 +15,7 @@ import numpy as np
 from mclcli import rng
 from mclcli.filter import estimate, fit, recovery, temperature, weights
 from mclcli.filter.kld import KldParameters, kld_size
+from mclcli.filter.modes import Modes
 from mclcli.filter.recovery import RecoveryParameters
 from mclcli.filter.resampling import RESAMPLERS
 from mclcli.filter.rivals import Rivals
@@ -22,15 +23,16 @@ from mclcli.native.backend import NUMPY, Backend
 from mclcli.records import StepRecord
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
-    from mclcli.arrays import FloatArray
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.filter.parameters import FilterParameters
     from mclcli.filter.recovery import Averages, Propose
     from mclcli.filter.temperature import Correlation
     from mclcli.motion import MotionModel
     from mclcli.sensors import Measurement
 
+    Draw = Callable[[int, np.random.Generator], FloatArray]
 
 _WAY = (0.1, 0.1)  # [m], [rad]
 _NONE = np.empty((0, 3))
@@ -44,7 +46,7 @@ class FilterState:
 
     ``correlations`` are what temperature ``auto`` measured, by sensor; ``way`` is how far the robot has moved [m] and
     turned [rad] since the particles were resampled; ``averages`` tell how well readings have fitted;
-    ``rivals`` are where it may be instead.
+    ``rivals`` are where it may be instead; ``modes`` are the places that a start has found, until one is chosen.
     """
 
     step: int
@@ -54,11 +56,13 @@ class FilterState:
     way: tuple[float, float] = (0.0, 0.0)
     averages: Averages | None = None
     rivals: Rivals = field(default_factory=Rivals)
+    modes: Modes | None = None
 
 
-def initial_state(poses: FloatArray, step: int = 0) -> FilterState:
-    """Equally weighted particles."""
-    return FilterState(step, poses, weights.uniform_log_weights(poses.shape[0]))
+def initial_state(poses: FloatArray, step: int = 0, places: IntArray | None = None) -> FilterState:
+    """Equally weighted particles (N, 3); ``places`` (N,) says which of several places each is at, from 0."""
+    modes = None if places is None or not places.any() else Modes(places)
+    return FilterState(step, poses, weights.uniform_log_weights(poses.shape[0]), modes=modes)
 
 
 class _At(NamedTuple):
@@ -121,11 +125,14 @@ class Localizer:
         if propose and averages and self.recovery.gated:
             usual = math.exp(averages.log_slow)
             rivals = self._compete(state.rivals, increment, record, measurements, usual, propose)
-            anew = self._draw(record, averages, lambda _, n, draws: _some(rivals.proven, n, draws))
+            if record.lost:
+                anew = self._draw(record, averages, lambda n, draws: _some(rivals.proven, n, draws))
         elif propose and averages:
-            anew = self._draw(record, averages, propose)
+            anew = self._draw(record, averages, lambda n, draws: propose(record, n, draws).poses)
+        modes = state.modes and state.modes.weighed(record.weights, increment)
         record = self._decide(record, way, round(len(anew) / self.size.max_particles * poses.shape[0]))
-        after = self._resample(record, anew) if record.resampled else _carry(record, weighed.log_total)
+        record = dataclasses.replace(record, modes=modes.count) if modes else record
+        after = self._resample(record, anew, modes) if record.resampled else _carry(record, weighed.log_total, modes)
         if self.parameters.estimate == "after":
             reported = self._belief(after.poses, weights.normalise(after.log_weights), "after")
             record = dataclasses.replace(record, **reported)
@@ -142,6 +149,7 @@ class Localizer:
             way=(0.0, 0.0) if record.resampled else way,
             averages=None if record.injected and self.recovery.forgets else averages,
             rivals=rivals,
+            modes=after.modes,
         )
         return next_state, record
 
@@ -236,15 +244,18 @@ class Localizer:
         usual: float,
         propose: Propose,
     ) -> Rivals:
-        """Rivals after this update: none of a robot that does not seem lost, else those that fit, and new ones."""
-        if not record.lost:
-            return Rivals()
+        """Rivals after this update: those that fit it, and new ones where the robot seems lost."""
+        if not record.lost and not rivals.poses.size:
+            return rivals
         draws, largest = rng.stream(self.seed, rng.Purpose.RIVALS, record.step), self.size.max_particles
         moved = self.motion.sample(rivals.poses, increment, draws.standard_normal(rivals.poses.shape))
-        proposed = propose(record, _PROPOSED * largest, draws)
-        return Rivals(moved, rivals.ages).joined_by(proposed).judged(measurements, usual, largest)
+        rivals = rivals.moved_to(moved, lost=record.lost)
+        if record.lost:
+            proposed = propose(record, _PROPOSED * largest, draws)
+            rivals = rivals.joined_by(proposed.poses, proposed.probabilities)
+        return rivals.judged(measurements, usual, largest)
 
-    def _draw(self, record: StepRecord, averages: Averages, propose: Propose) -> FloatArray:
+    def _draw(self, record: StepRecord, averages: Averages, draw: Draw) -> FloatArray:
         """Particles drawn anew, as many as there would be of the largest set."""
         n, largest = record.poses.shape[0], self.size.max_particles
         if not averages.share > 0.0:
@@ -254,7 +265,7 @@ class Localizer:
         if not injected:
             return _NONE
         draws = rng.stream(self.seed, rng.Purpose.RECOVERY, record.step)
-        return propose(record, max(1, round(injected / n * largest)), draws)
+        return draw(max(1, round(injected / n * largest)), draws)
 
     def _decide(self, record: StepRecord, way: tuple[float, float], injected: int) -> StepRecord:
         """Whether to resample: always for particles that were drawn anew, else by all policies together."""
@@ -266,12 +277,18 @@ class Localizer:
         )
         return dataclasses.replace(record, resampled=True, injected=injected) if due or injected else record
 
-    def _resample(self, record: StepRecord, anew: FloatArray) -> FilterState:
-        """Equally weighted particles: those drawn ``anew`` (K, 3), the others copies of their ancestors."""
+    def _resample(self, record: StepRecord, anew: FloatArray, modes: Modes | None) -> FilterState:
+        """Equally weighted particles: those drawn ``anew`` (K, 3), the others copies of their ancestors.
+
+        Those of several ``modes`` have the weights of these, unless others were drawn anew.
+        """
         resampler = RESAMPLERS[self.parameters.resampler]
         n = self._wanted_size(record, anew)
         anew = anew[: round(len(anew) / self.size.max_particles * n)]
         draws = rng.stream(self.seed, rng.Purpose.RESAMPLE, record.step)
+        if modes and not anew.size:
+            ancestors, log_weights, modes = modes.resample(record.weights, n, resampler, draws, self.backend)
+            return FilterState(record.step + 1, record.poses.take(ancestors, axis=0), log_weights, modes=modes)
         ancestors = resampler(record.weights, n - anew.shape[0], draws, self.backend)
         poses = record.poses.take(ancestors, axis=0)
         if anew.size:
@@ -294,9 +311,9 @@ def _some(poses: FloatArray, n: int, draws: np.random.Generator) -> FloatArray:
     return poses[draws.integers(len(poses), size=n)] if len(poses) else _NONE
 
 
-def _carry(record: StepRecord, log_total: float) -> FilterState:
+def _carry(record: StepRecord, log_total: float, modes: Modes | None) -> FilterState:
     """The same particles, their log-weights normalised by log Σ e^log_weights."""
-    return FilterState(record.step + 1, record.poses, record.log_weights - log_total)
+    return FilterState(record.step + 1, record.poses, record.log_weights - log_total, modes=modes)
 
 
 def add_way(way: tuple[float, float], increment: FloatArray) -> tuple[float, float]:

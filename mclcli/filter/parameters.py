@@ -10,6 +10,7 @@ from mclcli.parameters import parameter, validate
 
 Estimated = Literal["before", "after"]
 Averaged = Literal["set", "heaviest"]
+MeanOf = Literal["set", "heaviest", "heaviest_if_apart"]
 Degenerate = Literal["carry", "uniform"]
 Gate = Literal["euclidean", "per_axis"]
 
@@ -47,8 +48,10 @@ class FilterParameters:
         "the estimate is of the weighted set before resampling, or of the set after",
         choices=get_args(Estimated),
     )
-    estimate_mean: Averaged = parameter(
-        "set", "the pose reported is the mean of the whole set, or of its heaviest cluster", choices=get_args(Averaged)
+    estimate_mean: MeanOf = parameter(
+        "heaviest_if_apart",
+        "the pose reported is the mean of the whole set, or of its heaviest cluster: always, or if clusters are apart",
+        choices=get_args(MeanOf),
     )
     estimate_covariance: Averaged = parameter(
         "set",

@@ -18,6 +18,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, final, get_args
 
+import numpy as np
+
 from mclcli.errors import UsageError
 from mclcli.filter import Recovery, particles
 from mclcli.parameters import parameter, validate
@@ -25,15 +27,13 @@ from mclcli.parameters import parameter, validate
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    import numpy as np
-
     from mclcli.arrays import FloatArray
     from mclcli.motion.odometry import OdometryPath
     from mclcli.records import StepRecord
     from mclcli.sensors.observation import Observation
     from mclcli.world.occupancy import OccupancyGrid
 
-    Propose = Callable[[StepRecord, int, np.random.Generator], FloatArray]
+    Propose = Callable[[StepRecord, int, np.random.Generator], "Proposed"]
 
 _LOG_ZERO = -math.inf
 
@@ -153,6 +153,20 @@ class Situation:
     path: OdometryPath
 
 
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposed:
+    """Poses (n, 3) where a lost robot may be, and how probable the place of each is (n,), 0 where nothing tells."""
+
+    poses: FloatArray
+    probabilities: FloatArray
+
+    @classmethod
+    def blindly(cls, poses: FloatArray) -> Proposed:
+        """Poses (n, 3) of which nothing is known."""
+        return cls(poses, np.zeros(len(poses)))
+
+
 class Proposal(Protocol):
     """Says where a lost robot may be: n poses of the base in map at ``situation.record.stamp_ns``.
 
@@ -161,8 +175,8 @@ class Proposal(Protocol):
     ``rng``, which belongs to this step. It must not raise: without a better idea it draws from everywhere.
     """
 
-    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:
-        """Poses (n, 3) float64, yaw in (−π, π]."""
+    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> Proposed:
+        """Poses (n, 3) float64, yaw in (−π, π], with the probabilities of their places."""
         ...
 
 
@@ -173,7 +187,7 @@ class FromAnywhere:
 
     grid: OccupancyGrid
 
-    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:
+    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> Proposed:
         """Poses (n, 3), whatever the situation."""
         del situation
-        return particles.uniform(self.grid, n, rng)
+        return Proposed.blindly(particles.uniform(self.grid, n, rng))

@@ -16,7 +16,7 @@ from mclcli.geometry import se2
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mclcli.arrays import FloatArray
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.motion.odometry import OdometryPath
     from mclcli.records import StampedPose
     from mclcli.sensors.observation import Observation
@@ -60,11 +60,13 @@ class Patience(Enum):
 class Placed:
     """The answer of a start that had to look for the robot: particles (n, 3), and how sure it is of where.
 
+    ``modes`` (n,) says which place each particle is at, the number of places where it is at none of them.
     ``places`` (K, 3) are at ``Opening.stamp_ns``, the most probable first, with ``probabilities`` (K,);
     ``elsewhere`` is the probability of not being on this map. K is 0 where there was nothing to go by.
     """
 
     poses: FloatArray
+    modes: IntArray
     places: FloatArray
     probabilities: FloatArray
     elsewhere: float

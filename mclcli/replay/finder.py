@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.filter import particles, temperature
+from mclcli.filter.recovery import Proposed
 from mclcli.filter.start import Patience, Placed
 from mclcli.geometry import se2, se3
 from mclcli.records import LandmarkSightings, LaserScan
@@ -24,7 +25,7 @@ from mclcli.world.raycast import make_caster
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from mclcli.arrays import FloatArray
+    from mclcli.arrays import FloatArray, IntArray
     from mclcli.filter.recovery import Situation
     from mclcli.filter.start import Opening
     from mclcli.search.locating import Location
@@ -202,11 +203,11 @@ class FoundOnMap:
         if not last and (location is None or location.modes[0].share < _SURE):
             return Patience.HOLD
         first_from_last = se2.between(odometry[-1], odometry[0])
-        poses = _drawn(location, self.grid, n, rng, first_from_last)
+        poses, modes = _drawn(location, self.grid, n, rng, first_from_last)
         if location is None:
-            return Placed(poses, np.empty((0, 3)), np.empty(0), 0.0)
+            return Placed(poses, modes, np.empty((0, 3)), np.empty(0), 0.0)
         places = se2.compose(np.array([mode.pose for mode in location.modes]), first_from_last)
-        return Placed(poses, places, np.array([mode.share for mode in location.modes]), location.elsewhere)
+        return Placed(poses, modes, places, np.array([mode.share for mode in location.modes]), location.elsewhere)
 
 
 @final
@@ -217,18 +218,23 @@ class FoundAgain:
     search: GlobalSearch
     grid: OccupancyGrid
 
-    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:
+    def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> Proposed:
         """Poses (n, 3) at the update's stamp."""
         location = self.search.find(situation.observations, _MODES) if situation.observations else None
-        return _drawn(location, self.grid, n, rng, np.zeros(3))
+        poses, modes = _drawn(location, self.grid, n, rng, np.zeros(3))
+        shares = [mode.share for mode in location.modes] if location else []
+        return Proposed(poses, np.array([*shares, 0.0])[modes])
 
 
 def _drawn(
     location: Location | None, grid: OccupancyGrid, n: int, rng: np.random.Generator, then: FloatArray
-) -> FloatArray:
-    """Poses (n, 3): by their shares around the places, each moved by ``then`` (3,), the others anywhere on the map."""
+) -> tuple[FloatArray, IntArray]:
+    """Poses (n, 3): by their shares around the places, each moved by ``then`` (3,), the others anywhere on the map.
+
+    And which place each is at (n,), for the others the number of places.
+    """
     if location is None:
-        return particles.uniform(grid, n, rng)
+        return particles.uniform(grid, n, rng), np.zeros(n, np.int64)
     shares = np.array([mode.share for mode in location.modes])
     placed = min(n, round(n * float(shares.sum())))
     poses = np.array([mode.pose for mode in location.modes])
@@ -237,4 +243,5 @@ def _drawn(
     counts = np.diff(edges, prepend=0)
     parts = [particles.gaussian(p, c, k, rng) for p, c, k in zip(poses, spreads, counts.tolist(), strict=True)]
     around = se2.compose(np.concatenate(parts), then)
-    return np.concatenate([around, particles.uniform(grid, n - placed, rng)])
+    modes = np.repeat(np.arange(len(shares) + 1), [*counts.tolist(), n - placed])
+    return np.concatenate([around, particles.uniform(grid, n - placed, rng)]), modes

@@ -213,8 +213,9 @@ class _Run:
             return
         if isinstance(poses, Placed):
             self._tally.found.append((first.reading.stamp_ns, poses))
-            poses = poses.poses
-        self._belief = _Belief(initial_state(poses, self._next_step), first.odom_from_base, None)
+        placed = (poses.poses, poses.modes) if isinstance(poses, Placed) else (poses, None)
+        state = initial_state(placed[0], self._next_step, placed[1])
+        self._belief = _Belief(state, first.odom_from_base, None)
         for observation in held:
             yield from self._process(observation)
 

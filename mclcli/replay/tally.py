@@ -57,7 +57,8 @@ class ReplayTally:
 
     ``segments`` begin where time jumped back (``time_jumps``), with ``further_logs`` that follow none, and at
     ``resets`` in gaps or after which the robot was lost; ``odometry_jumps`` counts all steps of odometry that cannot
-    be motion. ``found`` are the starts for which the robot was searched, each with its stamp.
+    be motion. ``found`` are the starts for which the robot was searched, each with its stamp; ``undecided`` says, by
+    the number of the start, when the last update was at which several of its places were kept alive, and how many.
     """
 
     used: Counter[str] = field(default_factory=Counter)
@@ -67,6 +68,7 @@ class ReplayTally:
     injected: int = 0
     restarts: int = 0
     found: list[tuple[int, Placed]] = field(default_factory=list)
+    undecided: dict[int, tuple[int, int]] = field(default_factory=dict)
     segments: int = 1
     maps: int = 0
     time_jumps: int = 0
@@ -87,6 +89,8 @@ class ReplayTally:
         self.updates += 1
         self.degenerate += record.degenerate
         self.injected += record.injected
+        if record.modes:
+            self.undecided[len(self.found) - 1] = (record.stamp_ns, record.modes)
         for measurement, alpha in zip(measurements, record.alphas, strict=True):
             name = measurement.sensor
             self.scored[name] += measurement.count

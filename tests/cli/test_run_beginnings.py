@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -19,7 +20,7 @@ HERE, THERE = (1.0, 2.0, 0.5), (8.0, -2.0, 3.0)
 def placed(*shares: float, elsewhere: float = 0.0) -> Placed:
     """A start with two places, or fewer."""
     places = np.array([HERE, THERE][: len(shares)]).reshape(-1, 3)
-    return Placed(np.zeros((4, 3)), places, np.array(shares), elsewhere)
+    return Placed(np.zeros((4, 3)), np.zeros(4, np.int64), places, np.array(shares), elsewhere)
 
 
 @pytest.mark.parametrize(
@@ -49,6 +50,8 @@ def test_the_summary_repeats_every_start_with_its_doubt() -> None:
     first, second = beginnings.repeated(LOG, tally)  # type: ignore[arg-type]
     assert first.endswith("probability 0.97 at 0.0 s of the log")
     assert second.endswith("at 3.0 s of the log; not on this map, with probability 0.60")
+    kept = beginnings.repeated(LOG, dataclasses.replace(tally, undecided={1: (5 * 10**9, 3)}))  # type: ignore[arg-type]
+    assert kept == [first, second, "  3 places kept alive up to 4.0 s of the log; column modes of --steps"]
 
 
 def test_a_run_says_where_it_began_once_at_the_start_and_once_in_the_summary() -> None:

@@ -36,7 +36,7 @@ N = 50
 
 def localizer(seed: int = 0, resample_ess: float = 0.5, resampler: str = "systematic") -> Localizer:
     motion = DifferentialMotion(DifferentialParameters())
-    parameters = FilterParameters(resample_ess=resample_ess, resampler=resampler)
+    parameters = FilterParameters(resample_ess=resample_ess, resampler=resampler, estimate_mean="set")
     return Localizer(motion, parameters, seed, KldParameters(N, N))
 
 

@@ -13,7 +13,7 @@ from mclcli import rng
 from mclcli.filter.kld import KldParameters, limit
 from mclcli.filter.localizer import Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
-from mclcli.filter.recovery import Averages, RecoveryParameters
+from mclcli.filter.recovery import Averages, Proposed, RecoveryParameters
 from mclcli.filter.rivals import Rivals
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
@@ -101,6 +101,20 @@ def test_whose_mean_and_whose_covariance(estimate: str) -> None:
     assert reported("set", "set") == pytest.approx((3.6, math.sqrt(0.24) * 9), abs=0.05)
     assert reported("heaviest", "set") == pytest.approx((0.0, math.sqrt(0.24) * 9), abs=0.05)
     assert reported("heaviest", "heaviest") == pytest.approx((0.0, 0.02), abs=0.01)
+    assert reported("heaviest_if_apart", "set") == pytest.approx((0.0, math.sqrt(0.4) * 9), abs=0.05)
+    assert reported("heaviest_if_apart", "heaviest") == pytest.approx((0.0, 0.02), abs=0.01)
+
+
+def test_a_set_in_one_place_is_averaged_whole() -> None:
+    """Though some of its particles are a cluster of their own."""
+    poses = np.random.default_rng(4).normal(0.0, 0.02, (100, 3))
+    poses[:4, 0] += 1.5
+    whole, some = (
+        steps([STILL], poses, KldParameters(100, 100), estimate_mean=mean)[0].estimate
+        for mean in ("set", "heaviest_if_apart")
+    )
+    np.testing.assert_array_equal(whole.pose, some.pose)
+    np.testing.assert_array_equal(whole.covariance, some.covariance)
 
 
 @pytest.mark.parametrize(("choice", "expected"), [("carry", [0.75, 0.25]), ("uniform", [0.5, 0.5])])
@@ -124,10 +138,10 @@ def test_every_draw_is_of_the_seed_the_step_and_a_purpose_of_its_own(monkeypatch
 
     monkeypatch.setattr(rng, "stream", noting)
     localizer = Localizer(QUIET, FilterParameters(), 77, KldParameters(20, 200), RecoveryParameters("uniform"))
-    rivals = Rivals(np.zeros((1, 3)), np.array([9]))
+    rivals = Rivals(np.zeros((1, 3)), np.array([9]), np.zeros(1))
     start = dataclasses.replace(initial_state(spread(200), step=5), averages=Averages(0.0, -2.0), rivals=rivals)
     poor = Measurement("lidar", lambda p: np.where(p[:, 0] == 0.0, 0.0, -2.0), 1, 0.0, log_floor=-4.0)
-    localizer.step(start, STILL, [poor], 0, propose=lambda _, n, __: np.zeros((n, 3)))
+    localizer.step(start, STILL, [poor], 0, propose=lambda _, n, __: Proposed.blindly(np.zeros((n, 3))))
     purpose = rng.Purpose
     drawn = [purpose.MOTION, purpose.RIVALS, purpose.LOT, purpose.RECOVERY, purpose.KLD, purpose.RESAMPLE]
     assert asked == [(77, name, 5) for name in drawn]

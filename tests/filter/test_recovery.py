@@ -16,8 +16,8 @@ from mclcli.filter import recovery
 from mclcli.filter.kld import KldParameters
 from mclcli.filter.localizer import Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
-from mclcli.filter.recovery import Averages, FromAnywhere, RecoveryParameters
-from mclcli.filter.rivals import HELD_OUT, Rivals
+from mclcli.filter.recovery import Averages, FromAnywhere, Proposed, RecoveryParameters
+from mclcli.filter.rivals import HELD_OUT, SURE, Rivals
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
 from tests.reference import recovery as naive
@@ -25,7 +25,7 @@ from tests.worlds import drawn
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
-    from mclcli.filter.recovery import RecoveryRule
+    from mclcli.filter.recovery import Propose, RecoveryRule
     from mclcli.records import StepRecord
 
 QUIET = DifferentialMotion(DifferentialParameters(0.0, 0.0, 0.0, 0.0))
@@ -62,13 +62,19 @@ def test_nothing_to_judge_changes_nothing() -> None:
     assert recovery.observe(before, None, RATES) == before
 
 
-def run(fits: list[float], rule: RecoveryRule = "reliability", beams: int = 10, seed: int = 0) -> list[StepRecord]:
+def run(
+    fits: list[float],
+    rule: RecoveryRule = "reliability",
+    beams: int = 10,
+    seed: int = 0,
+    propose: Propose | None = None,
+) -> list[StepRecord]:
     """Steps whose particles all fit alike, but those far away, which fit well."""
     parameters = RecoveryParameters("uniform", 0.01, 0.5, rule)
     localizer = Localizer(QUIET, FilterParameters(), seed, KldParameters(N, N), parameters)
     state, records = initial_state(np.zeros((N, 3))), []
     for stamp, fit in enumerate(fits):
-        state, record = localizer.step(state, STILL, [fitting(fit, beams)], stamp, propose=anew)
+        state, record = localizer.step(state, STILL, [fitting(fit, beams)], stamp, propose=propose or anew)
         records.append(record)
     return records
 
@@ -82,10 +88,10 @@ def fitting(fit: float, beams: int = 10, far: float = 0.99) -> Measurement:
     return Measurement("lidar", log_likelihood, beams, 0.0, 1e-9, log_floor=-float(beams))
 
 
-def anew(record: StepRecord, n: int, rng: np.random.Generator) -> FloatArray:
+def anew(record: StepRecord, n: int, rng: np.random.Generator) -> Proposed:
     """Far away, where nobody was."""
     del record
-    return np.full((n, 3), 50.0) + rng.random((n, 3))
+    return Proposed.blindly(np.full((n, 3), 50.0) + rng.random((n, 3)))
 
 
 def test_readings_that_fit_as_before_draw_no_particle_anew() -> None:
@@ -121,19 +127,33 @@ def test_what_was_drawn_has_to_hold_out_before_it_counts() -> None:
     assert len(last) == N
 
 
-def test_rivals_begin_anew_once_the_robot_seems_right() -> None:
-    assert not any(record.injected for record in run([0.4, 0.4, 0.9] * 5))
+def test_nothing_is_drawn_while_the_robot_seems_right_though_rivals_are_remembered() -> None:
+    """After 0.4, 0.4, 0.85 the rivals are old enough, but the next update decides."""
+    injected = [record.injected > 0 for record in run([0.4, 0.4, 0.85, 0.85, 0.4])]
+    assert injected == [False, False, False, False, True]
+
+
+def test_rivals_are_forgotten_once_the_robot_seems_right_for_long() -> None:
+    assert not any(record.injected for record in run([0.4, 0.4, *[0.9] * 6] * 3))
+
+
+def test_a_sure_place_counts_at_once() -> None:
+    def surely(record: StepRecord, n: int, rng: np.random.Generator) -> Proposed:
+        return Proposed(anew(record, n, rng).poses, np.full(n, SURE))
+
+    assert run([0.4], propose=surely)[0].injected
+    assert not any(record.injected for record in run([0.9, 0.9], propose=surely))
 
 
 def test_a_rival_that_does_not_fit_once_is_out() -> None:
     here, there = np.array([[50.0, 0.0, 0.0]]), np.array([[0.0, 0.0, 0.0]])
-    rivals = Rivals().joined_by(np.concatenate([here, there]))
+    rivals = Rivals().joined_by(np.concatenate([here, there]), np.zeros(2))
     for _ in range(HELD_OUT):
         assert not rivals.proven.size
         rivals = rivals.judged([fitting(0.5)], 1.0, 10)
     np.testing.assert_array_equal(rivals.proven, here)
     assert not rivals.judged([fitting(0.5, far=0.7)], 1.0, 10).poses.size
-    younger = rivals.joined_by(here + 1.0).judged([fitting(0.5)], 1.0, 1)
+    younger = rivals.joined_by(here + 1.0, np.zeros(1)).judged([fitting(0.5)], 1.0, 1)
     np.testing.assert_array_equal(younger.poses, here)
 
 
@@ -175,7 +195,7 @@ def test_without_a_proposal_nothing_is_drawn() -> None:
 
 def test_anywhere_is_every_free_cell() -> None:
     grid = drawn("#..\n..#")
-    poses = FromAnywhere(grid)(None, 4000, np.random.default_rng(0))  # type: ignore[arg-type]
+    poses = FromAnywhere(grid)(None, 4000, np.random.default_rng(0)).poses  # type: ignore[arg-type]
     cells = np.floor(grid.to_cells(poses[:, :2])).astype(int)
     assert grid.free[cells[:, 1], cells[:, 0]].all()
     assert len(np.unique(cells, axis=0)) == 4

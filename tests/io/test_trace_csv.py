@@ -100,7 +100,7 @@ def test_steps_have_every_column() -> None:
     writer.close()
     assert stream.getvalue().startswith(
         "step,stamp,n,ess,log_evidence,alpha_lidar,alpha_vision,resampled,degenerate,beams_used,x,y,yaw,"
-        "cov_xx,cov_xy,cov_xyaw,cov_yy,cov_yyaw,cov_yawyaw,segment,converged,reliability,injected,lost,"
+        "cov_xx,cov_xy,cov_xyaw,cov_yy,cov_yyaw,cov_yawyaw,segment,converged,reliability,injected,lost,modes,"
         "weight_1,x_1,y_1,yaw_1,weight_2,x_2,y_2,yaw_2,beams_lidar,beams_vision\n"
     )
     first, second = csv.DictReader(stream.getvalue().splitlines())

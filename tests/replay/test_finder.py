@@ -69,8 +69,8 @@ def test_a_lost_robot_is_proposed_where_its_scan_fits() -> None:
         beams_used=1, estimate=Estimate(nothing[0], np.zeros((3, 3))), segment=0, converged=False, reliability=0.0,
     )  # fmt: skip
     proposal = FoundAgain(finder_for(grid), grid)
-    drawn = proposal(Situation(record, seen, seen[0].odom_from_base, OdometryPath()), 200, draws())
+    drawn = proposal(Situation(record, seen, seen[0].odom_from_base, OdometryPath()), 200, draws()).poses
     assert near(drawn, TRUE).mean() > 0.9
-    blind = proposal(Situation(record, (), seen[0].odom_from_base, OdometryPath()), 200, draws())
+    blind = proposal(Situation(record, (), seen[0].odom_from_base, OdometryPath()), 200, draws()).poses
     assert blind.shape == (200, 3)
     assert near(blind, TRUE).mean() < 0.2

@@ -10,13 +10,12 @@ from mclcli.filter import fit, recovery, temperature
 from mclcli.filter.kld import KldParameters
 from mclcli.filter.localizer import Localizer
 from mclcli.filter.parameters import FilterParameters
-from mclcli.filter.recovery import Averages, RecoveryParameters
+from mclcli.filter.recovery import Averages, Proposed, RecoveryParameters
 from tests.replay.replays import QUIET, drive, ns, run
 
 if TYPE_CHECKING:
     import pytest
 
-    from mclcli.arrays import FloatArray
     from mclcli.filter.recovery import Situation
 
 ALWAYS = FilterParameters(update_min_d=0.0, update_min_a=0.0)
@@ -26,10 +25,10 @@ def stamps_looked_at(monkeypatch: pytest.MonkeyPatch, reliabilities: list[float]
     """Stamps [half seconds] of the scans of which each update's search is told; every update draws particles anew."""
     told: list[list[int]] = []
 
-    def propose(situation: Situation, n: int, rng: np.random.Generator) -> FloatArray:
+    def propose(situation: Situation, n: int, rng: np.random.Generator) -> Proposed:
         del rng
         told.append([round((o.reading.stamp_ns - ns(0.1)) / ns(0.5)) for o in situation.observations])
-        return np.tile([2.0, 3.0, 0.0], (n, 1))
+        return Proposed.blindly(np.tile([2.0, 3.0, 0.0], (n, 1)))
 
     said = iter(reliabilities)
     monkeypatch.setattr(fit, "of_all", lambda *_: next(said))

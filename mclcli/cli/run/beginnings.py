@@ -32,9 +32,13 @@ def tell(recording: Recording, tally: ReplayTally, told: int) -> int:
 def repeated(recording: Recording, tally: ReplayTally) -> list[str]:
     """The same in lines of a summary."""
     lines = []
-    for stamp_ns, placed in tally.found:
+    for number, (stamp_ns, placed) in enumerate(tally.found):
         doubt = doubt_of(placed)
         lines.append(line(recording, stamp_ns, placed) + f"; {doubt}" * bool(doubt))
+        if number in tally.undecided:
+            last_ns, modes = tally.undecided[number]
+            seconds = (last_ns - recording.first_ns) * 1e-9
+            lines.append(f"  {modes} places kept alive up to {seconds:.1f} s of the log; column modes of --steps")
     return lines
 
 

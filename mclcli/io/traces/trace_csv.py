@@ -125,7 +125,7 @@ class StepsCsv:
             *(f"{alphas[name]:.9g}" if name in alphas else "" for name in sensors),
             f"{record.resampled:d},{record.degenerate:d},{record.beams_used},{x:.9f},{y:.9f},{yaw:.9f}",
             covariance_text(record.estimate.covariance),
-            f"{record.segment},{record.converged:d},{record.reliability:.9g},{record.injected},{record.lost:d}",
+            f"{record.segment},{record.converged:d},{record.reliability:.9g},{record.injected},{record.lost:d},{record.modes}",
             *(_hypothesis_text(found, number) for number in range(HYPOTHESES)),
             *(str(counts.get(name, "")) for name in sensors),
         ]
@@ -142,7 +142,7 @@ class StepsCsv:
             self._started = True
             alphas = (f"alpha_{name}" for name in self._sensors)
             facts = f"resampled,degenerate,beams_used,x,y,yaw,{COVARIANCE_COLUMNS}"
-            tail = f"{facts},segment,converged,reliability,injected,lost"
+            tail = f"{facts},segment,converged,reliability,injected,lost,modes"
             places = (f"weight_{i},x_{i},y_{i},yaw_{i}" for i in range(1, HYPOTHESES + 1))
             beams = (f"beams_{name}" for name in self._sensors)
             self._stream.write(",".join(["step,stamp,n,ess,log_evidence", *alphas, tail, *places, *beams]) + "\n")
