@@ -76,7 +76,7 @@ def compare(
         problems.append((ALTERATION, f"{altered} messages are not as recorded"))
     if missing > altered and not tally.lossy:
         problems.append((LOSS, f"{missing} messages are missing, exit code 0"))
-    lost = [damage.messages for damage in tally.damages if not damage.lossless]
+    lost = [None if damage.least else damage.messages for damage in tally.damages if not damage.lossless]
     said_lost = sum(count for count in lost if count is not None)
     if lost and not altered and None not in lost and said_lost < missing:
         problems.append((LOSS, f"{missing} messages are missing, {said_lost} were said to be"))

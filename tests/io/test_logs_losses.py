@@ -11,6 +11,7 @@ import pytest
 from mcap.writer import CompressionType, IndexType
 
 from mclcli.io.logs.bag1_file import Bag1File
+from mclcli.io.logs.base import Tally
 from mclcli.io.logs.mcap_file import McapFile
 from mclcli.io.logs.source import ByteSource
 from tests.battery import records
@@ -254,3 +255,32 @@ def test_a_damaged_chunk_is_told_where_its_index_is_damaged_too(tmp_path: Path, 
     told = [damage.what for damage in read(bytes(data)).damages]
     assert any("chunk at byte" in what for what in told)
     assert any("framing is broken" in what for what in told)
+
+
+@pytest.mark.parametrize("pipe", [False, True])
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_count_from_indexes_of_which_one_is_broken_is_a_least_one(which: int, *, pipe: bool) -> None:
+    """Each chunk has an index for /a and one for /b."""
+    data = bytearray(mcap_bytes(STAMPS, use_statistics=False))
+    kinds = [kind for kind, *_ in spans(bytes(data))]
+    third = [number for number, kind in enumerate(kinds) if kind == records.CHUNK][2]
+    _, start, stop = spans(bytes(data))[third]
+    assert kinds[third + 1 : third + 3] == [records.MESSAGE_INDEX, records.MESSAGE_INDEX]
+    broken = spans(bytes(data))[third + 1 + which][1]
+    data[(start + stop) // 2] ^= 0x10  # the chunk fails its checksum
+    data[broken + 8] = 0x7F  # an index of 2⁶² bytes
+    seen = read(bytes(data), pipe=pipe)
+    (counted,) = (damage for damage in seen.damages if damage.messages and not damage.in_all)
+    assert counted.least
+    assert "; at least" in counted.describe(None)
+    assert Tally(damages=[counted]).lost() == (counted.messages, True)
+    assert lost(seen) == COUNT - len(numbers(seen))  # the index of chunks settles it
+
+
+def test_a_count_from_whole_indexes_is_the_number_lost() -> None:
+    data = bytearray(mcap_bytes(STAMPS, use_statistics=False))
+    start, stop = chunks(bytes(data))[2]
+    data[(start + stop) // 2] ^= 0x10
+    seen = read(bytes(data))
+    assert not any(damage.least for damage in seen.damages)
+    assert lost(seen) == COUNT - len(numbers(seen)) > 0

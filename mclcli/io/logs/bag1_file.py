@@ -86,7 +86,7 @@ class _Pass:
             at = self.src.offset
             raw, head, size = self.head()
             if self.report.bad_chunk is not None and head.kind != rec.INDEX:
-                yield from self.report.flush()
+                yield from self.report.flush(broken=bool(raw) and (head.kind == 0 or size > self.src.left))
             if not raw:
                 yield from self.end(at)
                 break
@@ -251,7 +251,7 @@ class _Pass:
         if self.resumes < RESUMES and self.search(indexed=indexed):
             self.resumes += 1
             what = f"framing is broken at byte {at}; read on from byte {self.src.offset}"
-            self.report.bad_chunk = self.report.lost(at, what)
+            self.report.bad_chunk = replace(self.report.lost(at, what), least=True)  # or more
             self.report.apart = self.report.apart or self.plain
             return True
         if indexed:

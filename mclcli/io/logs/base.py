@@ -80,7 +80,7 @@ class Damage:
 
     ``lossless`` damage (bytes after the end, a damaged summary) costs a warning but no data. ``messages`` is
     how many messages are known to be lost, None if unknown, negative for those said to be lost before that were read
-    after all; ``first_ns``/``last_ns`` the span they covered, if known.
+    after all; with ``least`` there may have been more. ``first_ns``/``last_ns`` is the span they covered, if known.
     ``in_all``: a file's last word, with which the numbers add up, whatever earlier damages could not count.
     """
 
@@ -92,6 +92,7 @@ class Damage:
     last_ns: int | None = None
     lossless: bool = False
     in_all: bool = False
+    least: bool = False
 
     def describe(self, origin_ns: int | None) -> str:
         """One line for the user, times in seconds after ``origin_ns`` (the log's first message)."""
@@ -103,7 +104,8 @@ class Damage:
             span = f" ({(self.first_ns - start) / 1e9:.1f}–{(self.last_ns - start) / 1e9:.1f} s)"
         if self.messages is None:
             return f"{self.source}: {self.what}" + (f"; messages{span} skipped" if span else "")
-        return f"{self.source}: {self.what}; {self.messages} message{'s'[: self.messages != 1]}{span} skipped"
+        count = f"{'at least ' * self.least}{self.messages} message{'s'[: self.messages != 1]}"
+        return f"{self.source}: {self.what}; {count}{span} skipped"
 
 
 @final
@@ -268,7 +270,7 @@ class Tally:
         """
         settled = {damage.source for damage in self.damages if damage.in_all}
         losses = [damage for damage in self.damages if not damage.lossless]
-        unknown = any(damage.messages is None and damage.source not in settled for damage in losses)
+        unknown = any((damage.messages is None or damage.least) and damage.source not in settled for damage in losses)
         return sum(damage.messages or 0 for damage in self.damages), unknown
 
     def saw(self, first_ns: int, last_ns: int) -> None:

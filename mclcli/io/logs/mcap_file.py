@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import struct
 import zlib
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from typing import TYPE_CHECKING, cast, final
 
@@ -281,7 +281,7 @@ class _Pass:
 
     def broken(self, at: int, head: bytes, body: bytes | None) -> Generator[Item | Nameless, None, bool]:
         """Framing is wrong at byte ``at``: find the next record that makes sense, or see the file as cut there."""
-        yield from self.report.flush()
+        yield from self.report.flush(broken=True)
         self.src.unread(head[1:] + (body or b""))
         if self.safe_at < at:
             self.src.go_to(self.safe_at)
@@ -301,7 +301,8 @@ class _Pass:
         self.resumes += 1
         self.report.apart = self.report.apart or self.loose or self.unchecked > 0
         until = search.until_chunk(self.src, self.contents.last_ns)
-        self.report.bad_chunk = self.report.lost(at, f"{what}; read on from byte {self.src.offset}", None, *until)
+        lost = self.report.lost(at, f"{what}; read on from byte {self.src.offset}", None, *until)
+        self.report.bad_chunk = replace(lost, least=True)  # what its length has swallowed is not known
         return True
 
     def search(self) -> bool:

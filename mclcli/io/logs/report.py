@@ -73,12 +73,14 @@ class Report:
             return
         self.bad_chunk = replace(lost, messages=(lost.messages or 0) + messages)
 
-    def flush(self) -> Iterator[Damage]:
-        """Hand out the chunk that was waiting, if one was."""
+    def flush(self, *, broken: bool = False) -> Iterator[Damage]:
+        """Hand out the chunk that was waiting, if one was; where framing is ``broken`` not all its indexes were met."""
         if self.bad_chunk is not None:
-            if self.bad_chunk.messages is not None:  # it was lost without a number
-                self.uncounted -= 1
-                self._count(self.bad_chunk.messages)
+            known, least = self.bad_chunk.messages, self.bad_chunk.least or broken
+            self.bad_chunk = replace(self.bad_chunk, least=least and known is not None)
+            if known is not None:  # it was lost without a number
+                self.uncounted -= not least
+                self.counted += known
             yield self.bad_chunk
         self.bad_chunk = None
 
