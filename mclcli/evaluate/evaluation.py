@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, final
 import numpy as np
 
 from mclcli.evaluate.association import Matching, Pairs, aligned, associate
-from mclcli.evaluate.consistency import Consistency, consistency
+from mclcli.evaluate.consistency import EXACT, Consistency, consistency
 from mclcli.evaluate.events import CONVERGED, LOST, Loss, Rule, convergence, losses
 from mclcli.evaluate.metrics import PoseErrors, Statistics, errors_of, relative_errors, share_within, statistics, way_of
 
@@ -22,12 +22,16 @@ _DEFAULT = Matching()
 @final
 @dataclass(frozen=True, slots=True)
 class Protocol:
-    """How an evaluation is made: association, alignment, and what counts as converged and as lost."""
+    """How an evaluation is made: association, alignment, and what counts as converged and as lost.
+
+    ``truth_sd`` are the standard deviations of the reference [m], [rad].
+    """
 
     matching: Matching = _DEFAULT
     align: bool = False
     converged: Rule = CONVERGED
     lost: Rule = LOST
+    truth_sd: tuple[float, float] = EXACT
 
 
 @final
@@ -118,7 +122,7 @@ def evaluate(track: Trajectory, reference: Trajectory, protocol: Protocol = Prot
         converged_after=convergence(pairs, errors, protocol.converged),
         found_after=_found_after(pairs, lost),
         losses=tuple(loss for loss in lost if not loss.from_start),
-        consistency=consistency(pairs),
+        consistency=consistency(pairs, protocol.truth_sd),
         motion=None if motion is None else (float(motion[0]), float(motion[1]), float(motion[2])),
     )
 

@@ -19,7 +19,8 @@ class Limits:
 
     ``max_ape`` [m] and ``max_yaw`` [rad] bound the RMSE, ``max_error`` [m] the largest translation error,
     ``max_rpe`` [m/m] the RMSE per metre, ``max_convergence`` [s] the time to convergence, ``max_losses`` the losses;
-    ``min_within`` is (share, metres), ``min_coverage`` a share.
+    ``min_within`` is (share, metres), ``min_coverage`` a share of the poses, ``min_ellipse`` one of the updates, inside
+    their 95 % ellipse.
     """
 
     max_ape: float | None = None
@@ -31,6 +32,7 @@ class Limits:
     max_anees: float | None = None
     min_within: tuple[float, float] | None = None
     min_coverage: float | None = None
+    min_ellipse: float | None = None
 
 
 def missed(evaluation: Evaluation, limits: Limits) -> list[str]:
@@ -79,6 +81,12 @@ def _shares_missed(e: Evaluation, limits: Limits) -> Iterator[str]:
         found = float((e.errors.translation <= bound).mean())
         if found < share:
             yield f"{100 * found:.1f} % of the poses are within {bound:g} m; --min-within asks for {100 * share:g} %"
+    if limits.min_ellipse is not None:
+        asked = f"--min-ellipse {100 * limits.min_ellipse:g} %"
+        if e.consistency is None:
+            yield f"coverage of the 95 % ellipse unknown: the track states no covariance; {asked} needs a track CSV"
+        elif e.consistency.ellipse < limits.min_ellipse:
+            yield f"{100 * e.consistency.ellipse:.1f} % of the updates are inside their 95 % ellipse; less than {asked}"
     if limits.min_coverage is not None and e.coverage < limits.min_coverage:
         yield (
             f"the reference covers {100 * e.coverage:.1f} % of the poses; --min-coverage asks for "

@@ -38,6 +38,9 @@ FIGURES: dict[str, tuple[str, Getter]] = {
     "recoveries": ("", lambda e: float(e.recoveries)),
     "lost_seconds": ("s", lambda e: e.lost_seconds),
     "anees": ("", lambda e: e.consistency.anees if e.consistency else None),
+    "median_nees": ("", lambda e: e.consistency.median_nees if e.consistency else None),
+    "ellipse": ("", lambda e: e.consistency.ellipse if e.consistency else None),
+    "ellipse_xy": ("", lambda e: e.consistency.ellipse_xy if e.consistency else None),
     "coverage": ("", lambda e: e.coverage),
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -68,6 +69,19 @@ def test_a_run_tells_the_same_at_its_end(run_short: Runner, short_track: bytes) 
     for line in shown[1:]:
         assert line in told
     assert "APE, translation" in told
+
+
+def test_the_reference_may_have_an_error_of_its_own(tmp_path: Path, short_track: bytes) -> None:
+    track = tmp_path / "track.csv"
+    track.write_bytes(short_track)
+    words = (track, "--truth", TRUTH)
+    exact = facts(*words)["tracks"][0]["consistency"]
+    blurred = facts(*words, "--truth-sd", "10cm,2deg")["tracks"][0]["consistency"]
+    assert blurred["anees"] < exact["anees"]
+    assert blurred["truth_sd"] == pytest.approx([0.1, math.radians(2.0)])
+    said = mcl("eval", *words, "--truth-sd", "10cm,2deg").out.decode()
+    assert "own standard deviations of 0.1 m and 2 deg were added" in said
+    assert f"{100 * blurred['ellipse']:.1f} % inside the 95 % ellipse" in said
 
 
 def test_several_tracks_are_summed_up(tmp_path: Path, files: tuple[Path, Path]) -> None:
@@ -212,6 +226,8 @@ def test_command_lines_that_make_no_sense(tmp_path: Path, files: tuple[Path, Pat
         ((track, "--truth", truth, "--max-ape", "-1"), "--max-ape: -1 is negative"),
         ((track, "--truth", truth, "--min-coverage", "110%"), "--min-coverage: 110% is not a share"),
         ((track, "--truth", truth, "--min-within", "90%"), "needs a share and a distance"),
+        ((track, "--truth", truth, "--truth-sd", "-3cm"), "--truth-sd: '-3cm' has a negative value"),
+        ((track, "--truth", truth, "--truth-sd", "1,2,3"), "at most 2 are expected"),
         ((track, "--truth", truth, "--lost", "1,-3deg"), "has a negative value"),
         ((track, "--truth", truth, "--picture", track), "the name must end in .png, or be -"),
         ((drawn, "--truth", truth, "--picture", drawn), "the output is one of the inputs"),

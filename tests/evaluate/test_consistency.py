@@ -95,6 +95,54 @@ def test_singular_covariances_and_carried_poses_are_left_out() -> None:
     assert (found.count, found.singular) == (3, 2)
 
 
+def test_nearly_singular_covariances_are_named_and_set_no_mean() -> None:
+    """Of one particle: a hundredth of a millimetre across the way, or in yaw, or in x alone."""
+    track, reference = sampled(1, 40)
+    spread = np.array(track.covariances)
+    turn = np.array([[np.cos(0.7), -np.sin(0.7)], [np.sin(0.7), np.cos(0.7)]])
+    spread[3] = 0.0
+    spread[3, :2, :2] = turn @ np.diag([0.04, 1e-10]) @ turn.T
+    spread[3, 2, 2] = 0.01
+    spread[5] = np.diag([0.04, 0.04, 1e-12])
+    spread[8] = np.diag([1e-16, 0.04, 0.01])
+    absurd = consistency(associate(Trajectory(track.stamps_ns, track.poses, spread), reference))
+    others = np.delete(np.arange(40), [3, 5, 8])
+    kept = consistency(associate(Trajectory(track.stamps_ns[others], track.poses[others], spread[others]), reference))
+    assert absurd is not None
+    assert kept is not None
+    assert (absurd.count, absurd.singular, absurd.near_singular) == (37, 0, 3)
+    assert absurd.anees == kept.anees
+
+
+@pytest.mark.parametrize("factor", [0.25, 1.0, 4.0])
+def test_the_ellipses_hold_what_they_say_of_honest_covariances_alone(factor: float) -> None:
+    """χ² with 3 and with 2 degrees of freedom, of a covariance that is off by a factor."""
+    found = consistency(associate(*sampled(5, 4000, factor)))
+    assert found is not None
+    solid = {0.25: 1.0, 1.0: 0.95, 4.0: 0.4187}[factor]  # P(χ²₃ ≤ 7.8147 / factor)
+    planar = 1.0 - np.exp(-0.5 * 5.9915 / factor)
+    assert found.ellipse == pytest.approx(solid, abs=0.02)
+    assert found.ellipse_xy == pytest.approx(planar, abs=0.02)
+    assert found.median_nees == pytest.approx(2.366 * factor, rel=0.06)
+
+
+def test_the_reference_has_a_share_of_the_error() -> None:
+    """Errors of the covariance stated plus the reference's, which is then accounted for."""
+    track, reference = sampled(7, 3000)
+    noise = np.random.default_rng(3).normal(0.0, 1.0, (3000, 3)) * [0.4, 0.4, 0.2]
+    blurred = Trajectory(reference.stamps_ns, reference.poses + noise)
+    pairs = associate(track, blurred)
+    proud, honest = consistency(pairs), consistency(pairs, (0.4, 0.2))
+    assert proud is not None
+    assert honest is not None
+    assert proud.anees > 2.0
+    assert honest.anees == pytest.approx(1.0, abs=0.05)
+    assert honest.truth_sd == (0.4, 0.2)
+    over = consistency_over_runs([associate(*sampled(seed, 40)) for seed in range(50)], (0.4, 0.2))
+    assert over is not None
+    assert over.inside < 0.1  # too modest, where the reference is exact
+
+
 def test_without_covariances_nothing_is_said() -> None:
     track, reference = sampled(1, 6)
     assert consistency(associate(reference, reference)) is None

@@ -68,6 +68,7 @@ def test_plain_values_are_json() -> None:
         (Limits(max_losses=0), "lost once, 4.5 s in all; --max-losses is 0"),
         (Limits(max_convergence=1.0), "converged after 5.0 s; --max-convergence is 1 s"),
         (Limits(max_anees=2.0), "ANEES unknown: the track states no covariance"),
+        (Limits(min_ellipse=0.9), "coverage of the 95 % ellipse unknown: the track states no covariance"),
         (Limits(min_within=(0.9, 0.5)), "68.3 % of the poses are within 0.5 m; --min-within asks for 90 %"),
         (Limits(min_coverage=0.9), "the reference covers 50.0 % of the poses; --min-coverage asks for 90 %"),
     ],
@@ -75,8 +76,18 @@ def test_plain_values_are_json() -> None:
 def test_limits_are_missed_with_a_sentence_each(limits: Limits, sentence: str) -> None:
     (told,) = missed(bad(), limits)
     assert sentence in told
-    unknown = limits.max_anees is not None
+    unknown = limits.max_anees is not None or limits.min_ellipse is not None
     assert len(missed(good(), limits)) == int(unknown)
+
+
+def test_proud_covariances_miss_the_limit_on_their_ellipses() -> None:
+    """Errors of 0.1 m, stated as 3 cm: inside are none."""
+    off = Trajectory(
+        REFERENCE.stamps_ns, REFERENCE.poses + np.array([0.1, 0.0, 0.0]), np.tile(0.0009 * np.eye(3), (120, 1, 1))
+    )
+    (told,) = missed(evaluate(off, REFERENCE), Limits(min_ellipse=0.9))
+    assert told == "0.0 % of the updates are inside their 95 % ellipse; less than --min-ellipse 90 %"
+    assert missed(evaluate(off, REFERENCE, Protocol(truth_sd=(0.1, 0.0))), Limits(min_ellipse=0.9)) == []
 
 
 def test_every_limit_is_tried() -> None:

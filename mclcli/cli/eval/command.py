@@ -124,7 +124,7 @@ def _facts(
     from mclcli.evaluate.consistency import consistency_over_runs
     from mclcli.evaluate.evaluation import as_plain
 
-    together = consistency_over_runs([e.pairs for e in evaluations])
+    together = consistency_over_runs([e.pairs for e in evaluations], protocol.truth_sd)
     return {
         "truth": truth,
         "protocol": asdict(protocol),

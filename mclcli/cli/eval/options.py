@@ -43,6 +43,7 @@ class EvalOptions:
     max_diff_ns: int
     converged: Rule
     lost: Rule
+    truth_sd: tuple[float, float]
     seed: int
     limits: Limits
     map_limits: MapLimits
@@ -54,7 +55,7 @@ class EvalOptions:
         from mclcli.evaluate.evaluation import Protocol
 
         matching = Matching(self.associate, max_gap_ns=self.max_gap_ns, max_diff_ns=self.max_diff_ns)
-        return Protocol(matching=matching, align=self.align, converged=self.converged, lost=self.lost)
+        return Protocol(matching, align=self.align, converged=self.converged, lost=self.lost, truth_sd=self.truth_sd)
 
     def input_files(self, tracks: Sequence[str]) -> list[Path]:
         """Files that are read, none of which may be written; ``tracks`` are those of the patterns."""
@@ -121,6 +122,17 @@ def parse_rule(ctx: click.Context, param: click.Parameter, text: str | None) -> 
     return replace(default, translation=translation, yaw=yaw, seconds=seconds)
 
 
+def parse_deviations(ctx: click.Context, param: click.Parameter, text: str | None) -> tuple[float, float]:
+    """Standard deviations of ``XY,YAW`` [m], [rad]; without a yaw it is 0."""
+    del ctx
+    if text is None:
+        return (0.0, 0.0)
+    values = parse_list(text, ("m", "rad"), param.opts[0])
+    if min(values) < 0.0:
+        raise UsageError(f"{param.opts[0]}: '{text}' has a negative value; standard deviations are at least 0")
+    return values[0], values[1] if len(values) > 1 else 0.0
+
+
 def expand(names: tuple[str, ...]) -> list[str]:
     """Tracks by name: wildcards that the shell left alone are expanded, in order of name.
 
@@ -175,6 +187,12 @@ limit_options = options.together(
         help="Exit 4 if a smaller share of the poses is that near.",
     ),
     click.option(
+        "--min-ellipse",
+        metavar="SHARE",
+        callback=share,
+        help="Exit 4 if a smaller share of the updates is inside its 95 % ellipse.",
+    ),
+    click.option(
         "--min-coverage",
         metavar="SHARE",
         callback=share,
@@ -189,6 +207,12 @@ eval_options = options.all_of(
         required=True,
         metavar="REFERENCE",
         help="FILE.tum, a CSV with stamp, x, y, yaw, LOG:TOPIC or LOG:tf:FRAME[:CHILD].",
+    ),
+    click.option(
+        "--truth-sd",
+        metavar="XY,YAW",
+        callback=parse_deviations,
+        help="Standard deviations of the reference, such as 3cm,0.5deg: its part of the error.  [default: 0,0]",
     ),
     click.option("--json", "as_json", is_flag=True, help="Print everything as JSON: metres, radians, seconds."),
     click.option(

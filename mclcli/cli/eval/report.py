@@ -48,7 +48,7 @@ def describe_all(evaluations: Sequence[Evaluation], spreads: dict[str, Spread], 
     rule = _bounds(protocol.converged)
     note = f"converged: under {rule} for {protocol.converged.seconds:g} s; bands: bootstrap over tracks, 5 to 95 %"
     tables = [rendered(_tracks_table(evaluations)), "", rendered(_spread_table(spreads)), "", note]
-    return "\n".join([*tables, *_moments(evaluations)])
+    return "\n".join([*tables, *_moments(evaluations, protocol.truth_sd)])
 
 
 def rendered(table: Table) -> str:
@@ -134,15 +134,23 @@ def _consistency(e: Evaluation) -> list[str]:
     average = f"ANEES {c.anees:.2f} over {c.count} updates, {verdict}"
     band = f"95 % band {c.band[0]:.2f} to {c.band[1]:.2f} if updates were independent"
     lines = [f"{average} ({band}); {100 * c.inside:.1f} % of the NEES within the band of a single one"]
+    ellipses = f"{100 * c.ellipse:.1f} % inside the 95 % ellipse of x, y and yaw, {100 * c.ellipse_xy:.1f} % of x and y"
+    lines.append(f"median NEES {c.median_nees:.2f} (2.37 if consistent); {ellipses}")
+    if any(c.truth_sd):
+        truth = f"{c.truth_sd[0]:g} m and {math.degrees(c.truth_sd[1]):.4g} deg"
+        lines.append(f"the reference's own standard deviations of {truth} were added to those of the track")
     if c.singular:
         lines.append(f"{c.singular} updates state no regular covariance and are left out of it")
+    if c.near_singular:
+        bounds = "less than 0.1 mm or 0.0006 deg in some direction, as of a single particle"
+        lines.append(f"{c.near_singular} updates state a nearly singular covariance ({bounds}) and are left out of it")
     return lines
 
 
-def _moments(evaluations: Sequence[Evaluation]) -> list[str]:
+def _moments(evaluations: Sequence[Evaluation], truth_sd: tuple[float, float]) -> list[str]:
     from mclcli.evaluate.consistency import consistency_over_runs
 
-    found = consistency_over_runs([e.pairs for e in evaluations])
+    found = consistency_over_runs([e.pairs for e in evaluations], truth_sd)
     if found is None:
         return []
     share = f"{100 * found.inside:.1f} % of the ANEES within {found.band[0]:.2f} to {found.band[1]:.2f}"
@@ -159,7 +167,9 @@ def _motion(motion: tuple[float, float, float]) -> str:
 
 
 def _tracks_table(evaluations: Sequence[Evaluation]) -> Table:
-    table = _table("track", ("compared", "APE [m]", "max [m]", "yaw [deg]", "<10 cm", "converged", "lost", "ANEES"))
+    table = _table(
+        "track", ("compared", "APE [m]", "max [m]", "yaw [deg]", "<10 cm", "converged", "lost", "ANEES", "in 95 %")
+    )
     for e in evaluations:
         table.add_row(
             clean(e.name, 60),
@@ -171,6 +181,7 @@ def _tracks_table(evaluations: Sequence[Evaluation]) -> Table:
             "never" if e.converged_after is None else f"{e.converged_after:.1f} s",
             "always" if e.found_after is None else str(len(e.losses)),
             "-" if e.consistency is None else f"{e.consistency.anees:.2f}",
+            "-" if e.consistency is None else f"{100 * e.consistency.ellipse:.1f} %",
         )
     return table
 
