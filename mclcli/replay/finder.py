@@ -96,7 +96,9 @@ class GlobalSearch:
         p, chosen = self.settings.search, self.settings.beams
         each = p.locate_beams if scans == 1 else min(p.locate_beams, max(2, p.window_beams // scans))
         max_range = "skip" if chosen.max_range == "as_read" else chosen.max_range
-        return dataclasses.replace(chosen, max_beams=each, max_range=max_range)
+        # Beams shorter than a cell end where the robot is, wherever that is: of zeros, every place would be as good.
+        shortest = max(chosen.laser_min_range, self.scene.model.field.resolution)
+        return dataclasses.replace(chosen, max_beams=each, max_range=max_range, laser_min_range=shortest)
 
     def _chosen(self, scans: list[Observation]) -> list[Observation]:
         """Scans of every lidar, spread along the way, in order of time."""

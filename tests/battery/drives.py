@@ -263,7 +263,9 @@ DRIVES = [
     Drive("odometry without child", "/odom", fields(child_frame_id="")),
     Drive("odometry with slashes", "/odom", fields(child_frame_id="/base_link", header__frame_id="/odom")),
     Drive("odometry with stamps of 0", "/odom", fields(**ZERO), says="stamp is 0"),
-    Drive("three seconds without odometry", "/odom", lambda _, n: not 40 <= n < 70, says="gaps over 1 s"),
+    Drive(
+        "three seconds without odometry", "/odom", lambda _, n: not 40 <= n < 70, says="1 gap over 1 s, the longest 3."
+    ),
     Drive("no odometry topic", "/odom", lambda *_: False),
     Drive("a mount without rotation", "/tf_static", _twist(0, 0, 0, 0), 0, (1, 3), "laser"),
     Drive("a mount at NaN", "/tf_static", fields(**{PLACE: NAN}), 0, (1, 3), "laser"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
@@ -11,7 +12,7 @@ from mclcli.filter.recovery import Situation
 from mclcli.filter.start import Opening, Patience, Placed
 from mclcli.geometry import se2
 from mclcli.motion.odometry import OdometryPath
-from mclcli.records import Estimate, StepRecord
+from mclcli.records import Estimate, LaserScan, StepRecord
 from mclcli.replay.finder import FoundAgain, FoundOnMap
 from tests.search.scenes import finder_for, hall, seen_from
 
@@ -74,3 +75,20 @@ def test_a_lost_robot_is_proposed_where_its_scan_fits() -> None:
     blind = proposal(Situation(record, (), seen[0].odom_from_base, OdometryPath()), 200, draws()).poses
     assert blind.shape == (200, 3)
     assert near(blind, TRUE).mean() < 0.2
+
+
+def test_readings_shorter_than_a_cell_say_nothing_of_the_place() -> None:
+    """Zeros stand for no return in many logs; of them every place would be as good, and each be looked at."""
+    grid = hall()
+    search = finder_for(grid)
+    seen = seen_from(grid, TRUE)[0]
+    assert isinstance(seen.reading, LaserScan)
+    for least in (0.0, 0.9 * grid.resolution):
+        short = dataclasses.replace(seen.reading, ranges=np.full_like(seen.reading.ranges, least), range_min=0.0)
+        assert search.find([dataclasses.replace(seen, reading=short)], 4) is None
+    some = seen.reading.ranges.copy()
+    some[::2] = 0.0
+    half = dataclasses.replace(seen, reading=dataclasses.replace(seen.reading, ranges=some, range_min=0.0))
+    location = search.find([half], 4)
+    assert location is not None
+    assert near(np.array([location.modes[0].pose]), TRUE).all()
