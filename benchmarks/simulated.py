@@ -1,4 +1,4 @@
-"""Simulated logs, where the truth is known: ``python -m benchmarks.simulated kidnapped|consistency|sweep``."""
+"""Simulated logs, where the truth is known: ``python -m benchmarks.simulated kidnapped|sweep``."""
 
 from __future__ import annotations
 
@@ -76,33 +76,6 @@ def kidnapped(seeds: int) -> None:
         print(f"| {number} | {found.sum()} of {seeds} | {typical} | {100 * shares.mean():.2f} % |", flush=True)
 
 
-def consistency(seeds: int) -> None:
-    """ANEES over logs with odometry of different quality: 1 where the filter is as sure as it should be."""
-    print("| odometry noise | logs | RMSE, median [m] | ANEES/3, mean over time | 95 % band |\n|---|---|---|---|---|")
-    settings = profiles.build({"hypotheses": 0})
-    for noise in (0.5, 1.0, 2.0):
-        figures, errors = [], []
-        for seed in range(seeds):
-            recording = simulated(seed, _TOURS[:1], noise)
-            points = [
-                p
-                for p in replay(memory.events(recording), memory.setup(recording, settings, seed=seed, alpha="auto"))
-                if p.step
-            ]
-            poses = np.array([p.estimate.pose for p in points])
-            wrong = poses - recording.truth.at(np.array([p.stamp_ns for p in points]))
-            wrong[:, 2] = se2.wrap(wrong[:, 2])
-            covariances = np.array([p.estimate.covariance for p in points])
-            figures.append(np.mean(np.einsum("ni,nij,nj->n", wrong, np.linalg.inv(covariances), wrong)) / 3)
-            errors.append(float(np.sqrt(np.mean(wrong[:, 0] ** 2 + wrong[:, 1] ** 2))))
-        half = 1.96 * np.sqrt(2.0 / (3.0 * seeds))  # χ² with 3·seeds degrees of freedom at any one moment
-        print(
-            f"| × {noise:g} | {seeds} | {np.median(errors):.3f} | {np.mean(figures):.2f} ({min(figures):.2f} to "
-            f"{max(figures):.2f}) | {1 - half:.2f} to {1 + half:.2f} |",
-            flush=True,
-        )
-
-
 def sweep(seeds: int) -> None:
     """Errors with and without ``--deskew``."""
     print("| a turn of the lidar takes | deskew | RMSE [m] | RMSE [°] |\n|---|---|---|---|")
@@ -122,7 +95,7 @@ def sweep(seeds: int) -> None:
             print(f"| {lasting * 1e3:.0f} ms | {'yes' if deskew else 'no'} | {distance:.3f} | {np.degrees(yaw):.2f} |")
 
 
-TABLES = {"kidnapped": kidnapped, "consistency": consistency, "sweep": sweep}
+TABLES = {"kidnapped": kidnapped, "sweep": sweep}
 
 
 def main() -> None:

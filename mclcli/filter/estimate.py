@@ -46,7 +46,7 @@ def report(
     weight are not worth reporting.
     """
     whole = weighted_mean(poses, weights, backend)
-    if mean_of == "heaviest_if_apart" and not _may_be_apart(whole.covariance):
+    if mean_of == "heaviest_if_apart" and not may_be_apart(whole.covariance):
         mean_of = "set"
     if {mean_of, covariance_of} == {"set"}:
         return whole, functools.cache(lambda: _heaviest(_of_some(poses, weights, backend), most) if most else ())
@@ -58,7 +58,7 @@ def report(
     return Estimate(stated.pose, spread.covariance), lambda: _heaviest(found, most)
 
 
-def _may_be_apart(covariance: FloatArray) -> bool:
+def may_be_apart(covariance: FloatArray) -> bool:
     """Whether a set is spread so widely that its mean may lie where none of it is."""
     distance, turn = _APART
     return bool(covariance[0, 0] + covariance[1, 1] > distance**2 or covariance[2, 2] > turn**2)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, final
 import numpy as np
 
 from mclcli import rng
-from mclcli.filter import estimate, fit, recovery, temperature, weights
+from mclcli.filter import estimate, fit, recovery, sandwich, temperature, weights
 from mclcli.filter.kld import KldParameters, kld_size
 from mclcli.filter.modes import Modes
 from mclcli.filter.recovery import RecoveryParameters
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from mclcli.arrays import FloatArray, IntArray
     from mclcli.filter.parameters import FilterParameters
     from mclcli.filter.recovery import Averages, Propose
+    from mclcli.filter.sandwich import Sandwich
     from mclcli.filter.temperature import Correlation
     from mclcli.motion import MotionModel
     from mclcli.sensors import Measurement
@@ -46,7 +47,8 @@ class FilterState:
 
     ``correlations`` are what temperature ``auto`` measured, by sensor; ``way`` is how far the robot has moved [m] and
     turned [rad] since the particles were resampled; ``averages`` tell how well readings have fitted;
-    ``rivals`` are where it may be instead; ``modes`` are the places that a start has found, until one is chosen.
+    ``rivals`` are where it may be instead; ``modes`` are the places that a start has found, until one is chosen;
+    ``sandwich`` is the covariance of the estimate's error.
     """
 
     step: int
@@ -57,6 +59,7 @@ class FilterState:
     averages: Averages | None = None
     rivals: Rivals = field(default_factory=Rivals)
     modes: Modes | None = None
+    sandwich: Sandwich | None = None
 
 
 def initial_state(poses: FloatArray, step: int = 0, places: IntArray | None = None) -> FilterState:
@@ -136,6 +139,12 @@ class Localizer:
         if self.parameters.estimate == "after":
             reported = self._belief(after.poses, weights.normalise(after.log_weights), "after")
             record = dataclasses.replace(record, **reported)
+        error = None
+        if self.parameters.covariance == "sandwich":
+            stated, error = sandwich.state(
+                state.sandwich, state.log_weights, record, increment, measurements, self.backend
+            )
+            record = dataclasses.replace(record, estimate=stated)
         # What a robot that is being looked for sees from where it was thought to be says nothing of its beams.
         sought = record.injected > 0
         known = state.correlations
@@ -150,6 +159,7 @@ class Localizer:
             averages=None if record.injected and self.recovery.forgets else averages,
             rivals=rivals,
             modes=after.modes,
+            sandwich=error,
         )
         return next_state, record
 

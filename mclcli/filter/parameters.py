@@ -10,6 +10,7 @@ from mclcli.parameters import parameter, validate
 
 Estimated = Literal["before", "after"]
 Averaged = Literal["set", "heaviest"]
+CovarianceOf = Literal["sandwich", "sample"]
 MeanOf = Literal["set", "heaviest", "heaviest_if_apart"]
 Degenerate = Literal["carry", "uniform"]
 Gate = Literal["euclidean", "per_axis"]
@@ -57,6 +58,12 @@ class FilterParameters:
         "set",
         "the covariance reported is that of the whole set, or of its heaviest cluster",
         choices=get_args(Averaged),
+    )
+    covariance: CovarianceOf = parameter(
+        "sandwich",
+        "the covariance reported is that of the estimate's error, or the particles' own",
+        choices=get_args(CovarianceOf),
+        source="White 1982",
     )
     hypotheses: int = parameter(
         4, "clusters of particles reported at every update, the heaviest first; 0: none", low=0, high=100

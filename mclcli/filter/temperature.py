@@ -149,5 +149,5 @@ def observe(
     for measurement in measurements:
         if measurement.alpha == AUTO and measurement.each is not None and measurement.count > 1:
             before = correlations.get(measurement.sensor)
-            updated[measurement.sensor] = correlate(measurement.each(pose), before, backend)
+            updated[measurement.sensor] = correlate(measurement.each(pose[np.newaxis])[0], before, backend)
     return updated

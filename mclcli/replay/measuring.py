@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING
 
@@ -37,6 +38,7 @@ def measure(
         if sweep is None:
             now_from_then = se3.from_planar(se2.between(odom, observation.odom_from_base))
             measured = instrument.measure(reading, now_from_then @ observation.base_from_sensor)
+            measured = dataclasses.replace(measured, sweep=_lasting(reading))
         else:
             measured = instrument.measure(reading, observation.base_from_sensor, sweep)
         parts[observation.topic].append(measured)
@@ -51,6 +53,12 @@ def _sweep(setup: Setup, path: OdometryPath, reading: Reading, odom: FloatArray)
     return lambda beams: se2.between(
         odom, path.along(reading.stamp_ns + np.round(beams * increment_ns).astype(np.int64))
     )
+
+
+def _lasting(reading: Reading) -> float:
+    """Seconds that a scan takes, 0 if it does not say."""
+    seconds = abs(reading.time_increment) * reading.ranges.size if isinstance(reading, LaserScan) else 0.0
+    return seconds if math.isfinite(seconds) else 0.0
 
 
 def has_moved(increment: FloatArray, min_d: float, min_a: float) -> bool:

@@ -92,7 +92,7 @@ def locate(scene: Scene, view: View, parameters: SearchParameters, k: int, tempe
     if key < 0:
         return None
     top = scene.to_map(grid.poses(np.array([key])))[0]
-    alpha = temper(scene.model.each(view.beams, top)) if view.beams.ranges.size > 1 else 1.0
+    alpha = temper(scene.model.each(view.beams, top[np.newaxis])[0]) if view.beams.ranges.size > 1 else 1.0
     found, nats = _enumerate(search, best, key, alpha, parameters.leaf_nats)
     peaks = find_peaks(found, grid, alpha, parameters.mode_distance / field.resolution, parameters.mode_angle)
     weighed = weigh(scene, view, search, found, peaks, alpha, parameters.off_map_prior)

@@ -27,9 +27,10 @@ class Measurement:
     at most ``log_peak``/``count`` high on average, so that ``log_peak`` is the log p of a perfect fit; ``log_floor`` is
     that of a reading that has nothing to do with the map.
     ``alpha`` in (0, 1], ``auto`` or ``ess``, is the temperature that its logarithm is multiplied with. ``each`` gives
-    log p (count,) of every beam or sighting at one pose (3,), neighbours next to each other; None where that means
-    nothing. ``unknown`` of the sightings name no landmark of the map. ``check`` is the same reading by a model that can
-    tell how well it fits, where this one cannot.
+    log p (N, count) of every beam or sighting at poses (N, 3), neighbours next to each other; None where that means
+    nothing. ``sweep`` [s] passed while the beams were measured that count as measured at one moment. ``unknown`` of the
+    sightings name no landmark of the map. ``check`` is the same reading by a model that can tell how well it fits,
+    where this one cannot.
     """
 
     sensor: str
@@ -41,6 +42,7 @@ class Measurement:
     each: Callable[[FloatArray], FloatArray] | None = None
     unknown: int = 0
     check: Measurement | None = None
+    sweep: float = 0.0
 
 
 def floored_log(p: FloatArray, floor: float) -> FloatArray:

@@ -76,9 +76,9 @@ class BeamModel:
         """Log-likelihood of readings r where r* is expected, shapes broadcast, floored at log 1e-12."""
         return floored_log(self._likelihood(r, r_star, r_max), beam_forms.FLOOR)
 
-    def each(self, beams: Beams, pose: FloatArray) -> FloatArray:
-        """Log-likelihood (B,) of each beam alone at one pose (3,)."""
-        return self.log_p(beams.ranges, self.expected(beams, pose[np.newaxis])[0], beams.r_max)
+    def each(self, beams: Beams, poses: FloatArray) -> FloatArray:
+        """Log-likelihood (N, B) of each beam alone at poses (N, 3)."""
+        return self.log_p(beams.ranges, self.expected(beams, poses), beams.r_max)
 
     @property
     def _censored(self) -> bool:

@@ -137,7 +137,7 @@ def combine(instrument: Instrument, measurements: Sequence[Measurement]) -> Meas
     count = sum(m.count for m in measurements)
     peak = sum(m.log_peak for m in measurements)
     floor = sum(m.log_floor for m in measurements)
-    each = measurements[-1].each if measurements else None
+    each, sweep = (measurements[-1].each, measurements[-1].sweep) if measurements else (None, 0.0)
     unknown = sum(m.unknown for m in measurements)
     checks = [m.check for m in measurements if m.check is not None]
     return Measurement(
@@ -150,4 +150,5 @@ def combine(instrument: Instrument, measurements: Sequence[Measurement]) -> Meas
         unknown,
         check=combine(instrument, checks) if checks else None,
         log_floor=floor,
+        sweep=sweep,
     )

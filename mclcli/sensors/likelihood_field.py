@@ -196,14 +196,13 @@ class LikelihoodField:
         bilinear = self.parameters.field_lookup == "bilinear"
         return endpoints.distances(self.field, beams.endpoints, poses, bilinear=bilinear, anchoring=self._anchoring)
 
-    def each(self, beams: Beams, pose: FloatArray) -> FloatArray:
-        """Log-likelihood (B,) of each beam alone at one pose (3,)."""
+    def each(self, beams: Beams, poses: FloatArray) -> FloatArray:
+        """Log-likelihood (N, B) of each beam alone at poses (N, 3)."""
         nearest = self.parameters.field_lookup == "nearest"
         kernels = endpoints.kernels_over(self.field, self.backend, "likelihood_field")
         if nearest and not self._cubes and kernels is not None:  # NumPy takes all beams at once, to the same bits
-            return self.table(beams.r_max)[self._look_up(beams, pose[np.newaxis])[:, 0]]
-        likelihood = self.likelihood(self.distances(beams, pose[np.newaxis]), beams.r_max)
-        return floored_log(likelihood[0], FLOOR)
+            return self.table(beams.r_max)[self._look_up(beams, poses)].T
+        return floored_log(self.likelihood(self.distances(beams, poses), beams.r_max), FLOOR)
 
     @property
     def _cubes(self) -> bool:

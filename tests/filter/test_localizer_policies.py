@@ -95,6 +95,7 @@ def two_heaps() -> FloatArray:
 def test_whose_mean_and_whose_covariance(estimate: str) -> None:
     def reported(mean: str, covariance: str) -> tuple[float, float]:
         options = {"estimate_mean": mean, "estimate_covariance": covariance, "estimate": estimate}
+        options["covariance"] = "sample"
         belief = steps([STILL], two_heaps(), KldParameters(100, 100), resample_ess=1.0, **options)[0].estimate
         return float(belief.pose[1]), math.sqrt(belief.covariance[1, 1])
 

@@ -107,7 +107,7 @@ def test_auto_leaves_what_has_no_neighbours() -> None:
 
 
 def measurement(sensor: str, alpha: Temperature) -> Measurement:
-    return Measurement(sensor, lambda poses: np.zeros(len(poses)), 9, 0.0, alpha, lambda _: series(0.5, 9))
+    return Measurement(sensor, lambda poses: np.zeros(len(poses)), 9, 0.0, alpha, lambda _: series(0.5, 9)[np.newaxis])
 
 
 def test_each_sensor_has_its_own_and_ess_is_shared() -> None:
@@ -127,7 +127,6 @@ def test_only_auto_looks_at_the_beams() -> None:
 
 @pytest.mark.parametrize(("count", "seen"), [(1, set()), (2, {"lidar"})])
 def test_one_beam_has_no_neighbour_to_correlate_with(count: int, seen: set[str]) -> None:
-    few = Measurement(
-        "lidar", lambda poses: np.zeros(len(poses)), count, 0.0, "auto", lambda _: np.arange(1.0, count + 1.0)
-    )
+    beams = np.arange(1.0, count + 1.0)[np.newaxis]
+    few = Measurement("lidar", lambda poses: np.zeros(len(poses)), count, 0.0, "auto", lambda _: beams)
     assert set(temperature.observe([few], np.zeros(3), {})) == seen

@@ -198,4 +198,4 @@ def test_as_many_beams_as_a_scan_may_have(model: str, count: int) -> None:
         assert measured.each is not None
         for pose in POSES[600:603]:
             total = measured.log_likelihood(pose[np.newaxis])[0]
-            assert total == pytest.approx(measured.each(pose).sum(), rel=1e-9)
+            assert total == pytest.approx(measured.each(pose[np.newaxis]).sum(), rel=1e-9)

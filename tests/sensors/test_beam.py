@@ -215,7 +215,7 @@ def test_a_measurement_is_the_sum_over_expected_ranges(no_return: str) -> None:
         ]
         assert got == pytest.approx(math.fsum(terms), abs=1e-9)
         assert measurement.each is not None
-        np.testing.assert_allclose(measurement.each(pose), terms, rtol=0, atol=1e-9)
+        np.testing.assert_allclose(measurement.each(pose[np.newaxis])[0], terms, rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize("form", FORMS)
@@ -266,7 +266,7 @@ def test_beams_combine_as_said(combination: str) -> None:
     measurement = model(combination=combination).measure("lidar", beams())
     assert measurement.each is not None
     pose = poses(1)
-    p = np.exp(measurement.each(pose[0]))
+    p = np.exp(measurement.each(pose)[0])
     expected = {"log": np.log(p).sum(), "one_plus_cubes": np.log1p((p**3).sum()), "cubes": np.log((p**3).sum())}
     np.testing.assert_allclose(measurement.log_likelihood(pose), expected[combination], rtol=1e-12)
 
