@@ -170,6 +170,8 @@ def test_the_other_forms_follow_their_formulas(form: str) -> None:
     assert density(m, 2.0, 3.0) == pytest.approx(hit + short + 0.5 / R_MAX)
     assert density(m, R_MAX, 0.5) == pytest.approx(0.05)
     parts = m.components(np.array([2.0]), np.array([3.0]), R_MAX)
+    if form == "beluga":
+        assert float(m.components(np.array([-0.5]), np.array([3.0]), R_MAX).short[0]) == 0.0
     shares = [float(share[0]) for share in (parts.hit, parts.short, parts.max, parts.rand)]
     assert shares == pytest.approx([hit, short, 0.0, 0.5 / R_MAX])
 

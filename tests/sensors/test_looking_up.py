@@ -41,6 +41,12 @@ def test_a_set_that_has_not_converged_skips_no_beam(backend: Backend, lookup: st
     )
 
 
+def test_a_scan_without_beams_says_nothing_of_a_converged_set() -> None:
+    beams = Beams(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), 8.0)
+    model = LikelihoodField(FIELD, LikelihoodFieldParameters(do_beamskip=True))
+    assert model.measure("lidar", beams).log_likelihood(np.zeros((3, 3))).tolist() == [0.0, 0.0, 0.0]
+
+
 def test_no_pose_is_possible_where_nearly_all_beams_are_skipped_and_a_slot_is_empty() -> None:
     beams = Beams(np.zeros((19, 2)), 1e4 * ENDS, np.ones(19), 8.0, slots=20)
     poses = np.array([0.5, 0.3, 0.2]) + np.random.default_rng(4).normal(0, 0.05, (7, 3))
