@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mclcli.search import branching, lattice, plain
+from mclcli.sensors.likelihood_field import LikelihoodFieldParameters
 from mclcli.world import pyramid
 from mclcli.world.distance_field import DistanceField
 from mclcli.world.occupancy import FREE, OCCUPIED, OccupancyGrid
@@ -186,25 +187,6 @@ def test_angles_can_be_limited() -> None:
     assert found.angles.size == pytest.approx(1.0 / found.step, abs=1.5)
 
 
-@pytest.mark.parametrize("shape", [(1, 1), (5, 3), (40, 70), (300, 129)])
-def test_every_window_holds_the_least_bin_below_it(shape: tuple[int, int]) -> None:
-    rng = np.random.default_rng(1)
-    levels = np.linspace(0.0, 2.0, 60)
-    field = DistanceField(rng.integers(0, 60, shape).astype(np.uint16), levels, 0.05, np.zeros(3))
-    bins = pyramid.bins_of(field)[field.codes]
-    built = pyramid.build(field)
-    for level in pyramid.LEVELS:
-        start, height, width, shift, margin = built.shapes[level].tolist()
-        pooled = built.pool[start : start + height * width].reshape(height, width)
-        side = pyramid.window_of(level)
-        for r, c in rng.integers(0, [height, width], (40, 2)):
-            y, x = (int(r) - margin) << shift, (int(c) - margin) << shift
-            window = bins[max(y, 0) : max(y + side, 0), max(x, 0) : max(x + side, 0)]
-            whole = y >= 0 and x >= 0 and y + side <= shape[0] and x + side <= shape[1]
-            least = window.min(initial=pyramid.OFF_MAP)
-            assert pooled[r, c] == (least if whole or window.size else pyramid.OFF_MAP)
-
-
 def test_the_pyramid_takes_little_more_than_a_byte_a_cell() -> None:
     field = DistanceField(np.zeros((900, 700), np.uint16), np.array([0.0, 2.0]), 0.05, np.zeros(3))
     built = pyramid.build(field)
@@ -241,3 +223,41 @@ def _small_room() -> tuple:  # type: ignore[type-arg]
     angles = np.arange(8) * 0.7
     ends = np.stack([6.0 * np.cos(angles), 4.0 * np.sin(angles)], axis=-1)
     return grid, ends, grid.free, LikelihoodFieldParameters(sigma_hit=0.15)
+
+
+@SLOW
+@given(worlds(largest=10), st.floats(0.1, 4.0), st.floats(0.1, 1.0), st.sampled_from([0.01, 0.1, 0.5]))
+def test_the_mass_of_other_leaves_is_bounded_with_sightings_too(
+    world: World, slack: float, alpha: float, sigma: float
+) -> None:
+    plainly = world.search()
+    rng = np.random.default_rng(7)
+    marks = np.column_stack([rng.uniform(-3.0, 12.0, (4, 2)), rng.uniform(-math.pi, math.pi, 4), np.zeros((4, 2))])
+    density = 0.9 / (sigma * math.sqrt(math.tau))
+    most = 4.0 * math.log(density + 0.1 / math.tau)
+    law = np.array([density, -0.5 / sigma**2, 0.1 / math.tau, 1e-15, most])
+    seen = branching.Sightings(marks, law)
+    search = branching.prepare(plainly.field, plainly.pyramid, plainly.lattice, plainly.log_p, seen)
+    value, key = search.maximum()
+    if key < 0:
+        return
+    every, found = (search.near(value, key, nats, alpha, 200_000) for nats in (1e6, slack))
+    assert every is not None
+    assert found is not None
+    assert every.keys.size == search.lattice.size
+    inside = every.values >= value - slack
+    assert every.values[inside].tolist() == found.values.tolist()
+    others = float(np.exp(alpha * (every.values[~inside] - value)).sum())
+    assert others <= found.pruned * (1.0 + 1e-9) + 1e-12
+
+
+@pytest.mark.parametrize("beams", [1, 200, 300, 5000])
+def test_the_sum_of_all_beams_costs_fits_its_numbers_and_the_worst_beams_cost_the_most(beams: int) -> None:
+    grid, _, allowed, _ = _small_room()
+    ends = np.random.default_rng(2).uniform(-5.0, 5.0, (beams, 2))
+    sharp = LikelihoodFieldParameters(sigma_hit=0.05, z_hit=1.0, z_rand=0.0)  # 27 nats for a beam that fits nothing
+    costs = World(grid, ends, allowed, sharp).search().costs
+    assert costs.most <= 65_535
+    assert costs.most == beams * min(255, 65_535 // beams)
+    for plane in (costs.coarse, costs.fine, costs.leaves):
+        assert plane.cells.max() == costs.most // beams

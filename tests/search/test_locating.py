@@ -313,6 +313,8 @@ def test_scans_are_chosen_along_the_way_and_a_standing_robot_has_one() -> None:
     assert window.spread(straight, 4).tolist() == [0, 20, 40, 60]
     assert window.spread(np.zeros((9, 3)), 5).tolist() == [8]
     assert window.spread(straight[:1], 5).tolist() == [0]
+    assert window.spread(straight[:3] * 0.2, 9).tolist() == [2]
+    assert window.spread(straight[:11] * 0.2, 12).tolist() == [0, 5, 10]  # none nearer than 5 cm
 
 
 @pytest.mark.parametrize("rising", [True, False])

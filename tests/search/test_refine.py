@@ -88,6 +88,27 @@ def test_what_is_known_before_holds_a_pose_back() -> None:
     assert np.abs(tight - start[0]).max() < 0.001
 
 
+@pytest.mark.parametrize("precision", [0.0, 300.0, 3000.0])
+@pytest.mark.parametrize("alpha", [1.0, 0.1])
+def test_no_pose_becomes_less_likely_what_is_known_before_included(alpha: float, precision: float) -> None:
+    starts = TRUE + np.random.default_rng(4).uniform(-1.0, 1.0, (12, 3)) * [0.06, 0.06, 0.02]
+    how = Refinement(np.array([0.3, 0.3, 0.1]), SPACING, alpha, np.array([precision, precision, 10.0 * precision]))
+    poses, _ = refine.refine(MODEL, BEAMS, starts, how)
+    before, after = (alpha * bilinear().measure("lidar", BEAMS).log_likelihood(some) for some in (starts, poses))
+    gain = after - 0.5 * ((poses - starts) ** 2 * how.precision).sum(axis=1) - before
+    assert (gain >= -1e-9).all()
+    assert gain.max() > 1e-3
+
+
+def test_steps_are_halved_and_none_is_longer_than_half_the_reach() -> None:
+    starts = TRUE + np.array([[0.05, 0.04, 0.01], [-0.05, 0.0, -0.02]])
+    for how in (refine.on_lattice(np.full(3, 1e-4), 1.0), refine.after_drift(SPACING, 0.05)):
+        tried = refine._along_the_step(bilinear(), BEAMS, starts, starts, how) - starts[:, np.newaxis]  # noqa: SLF001
+        assert (np.abs(tried[:, 0]) <= 0.5 * how.reach * (1.0 + 1e-9)).all()
+        for shorter in range(1, tried.shape[1]):
+            np.testing.assert_allclose(tried[:, shorter], tried[:, 0] / 2**shorter, rtol=0, atol=1e-14)
+
+
 def test_yaws_are_wrapped() -> None:
     turned = TRUE + np.array([0.0, 0.0, math.tau])
     (pose,), _ = refine.refine(MODEL, BEAMS, turned[np.newaxis], refine.on_lattice(SPACING, 1.0))

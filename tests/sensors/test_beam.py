@@ -169,6 +169,11 @@ def test_the_other_forms_follow_their_formulas(form: str) -> None:
         short /= 1.0 - math.exp(-0.5 * 3.0)
     assert density(m, 2.0, 3.0) == pytest.approx(hit + short + 0.5 / R_MAX)
     assert density(m, R_MAX, 0.5) == pytest.approx(0.05)
+    parts = m.components(np.array([2.0]), np.array([3.0]), R_MAX)
+    if form == "beluga":
+        assert float(m.components(np.array([-0.5]), np.array([3.0]), R_MAX).short[0]) == 0.0
+    shares = [float(share[0]) for share in (parts.hit, parts.short, parts.max, parts.rand)]
+    assert shares == pytest.approx([hit, short, 0.0, 0.5 / R_MAX])
 
 
 def beams(count: int = 40, seed: int = 3, r_max: float = 2.5) -> Beams:
@@ -252,6 +257,34 @@ def test_the_pose_that_saw_the_readings_fits_best_and_reaches_the_peak(form: str
     (best,) = measurement.log_likelihood(truth)
     assert best == pytest.approx(measurement.log_peak)
     assert best > measurement.log_likelihood(poses()).max()
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_the_peak_expects_what_was_read_and_the_floor_a_wall_at_the_sensor(form: str) -> None:
+    m, seen = model(beam_form=form), beams()
+    measurement = m.measure("lidar", seen)
+    read = seen.ranges[~np.isnan(seen.ranges)]
+    expected = np.minimum(np.maximum(read, 0.0), seen.r_max)
+    assert measurement.log_floor == pytest.approx(m.log_p(read, np.zeros(read.size), seen.r_max).sum())
+    assert measurement.log_peak == pytest.approx(m.log_p(read, expected, seen.r_max).sum())
+
+
+@pytest.mark.parametrize("count", [4, 511, 513, 1100])
+def test_any_number_of_beams_is_the_sum_of_each(count: int) -> None:
+    seen, m = beams(count), model()
+    some = poses(3)
+    got = m.measure("lidar", seen).log_likelihood(some)
+    there = seen.subset(~np.isnan(seen.ranges))
+    np.testing.assert_allclose(got, [m.each(there, pose).sum() for pose in some], rtol=1e-9)
+
+
+@pytest.mark.parametrize("r_max", [0.3, 0.8, 2.5])
+def test_no_return_from_as_far_as_the_lidar_sees_is_the_same_compiled(r_max: float) -> None:
+    m, seen = model(), Beams(np.zeros((1, 2)), np.array([[1.0, 0.0]]), np.array([r_max]), r_max)
+    expected = np.array([[r_max], [np.nextafter(r_max, 0.0)], [0.5 * r_max]])
+    compiled = m.likelihood_of_many(seen)(expected.copy())
+    formula = m.components(seen.ranges, expected, r_max).total()
+    np.testing.assert_allclose(compiled, formula, rtol=1e-12)
 
 
 def test_no_beam_says_nothing() -> None:

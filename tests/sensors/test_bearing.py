@@ -14,6 +14,7 @@ from mclcli.errors import UsageError
 from mclcli.geometry import se2, se3
 from mclcli.native.backend import NUMPY, Backend
 from mclcli.sensors.bearing import FLOOR, BearingModel, BearingParameters, observe
+from mclcli.sensors.explain import explain_bearings
 from mclcli.world.landmarks import Landmarks
 from tests.reference.sensors import bearings_log_p
 from tests.support import BACKENDS, each_backend, level, sightings
@@ -80,6 +81,33 @@ def test_no_deviation_is_too_small(sigma: float, backend: Backend) -> None:
     assert far == pytest.approx(20 * math.log(0.1 / math.tau), rel=1e-12)
     assert far <= near <= measurement.log_peak + 1e-9
     assert sigma < 1e-6 or near == pytest.approx(measurement.log_peak, rel=1e-12)
+
+
+@given(pose=st.tuples(*[st.floats(-3.0, 3.0)] * 3))
+def test_an_explanation_names_what_the_map_expects_and_adds_up_to_the_score(pose: tuple[float, ...]) -> None:
+    """Expected bearings are turned into points again: each landmark lies where its bearing says."""
+    seen = observe(sightings(0, [i for i, _ in SEEN], level(*(b for _, b in SEEN))), se3.from_planar(MOUNT), LANDMARKS)
+    rows = explain_bearings(model(), seen, np.array(pose))
+    assert [row.name for row in rows] == ["a", "c", "a", "nobody"]
+    x, y, yaw = pose
+    c, s = math.cos(yaw), math.sin(yaw)
+    camera = x + MOUNT[0] * c - MOUNT[1] * s, y + MOUNT[0] * s + MOUNT[1] * c
+    for row in rows[:3]:
+        assert row.expected is not None
+        assert row.error is not None
+        offset = PLACES[row.name][0] - camera[0], PLACES[row.name][1] - camera[1]
+        wanted = math.atan2(offset[1], offset[0]) - yaw
+        assert math.remainder(row.expected - wanted, math.tau) == pytest.approx(0.0, abs=1e-9)
+        assert math.remainder(row.measured - row.expected - row.error, math.tau) == pytest.approx(0.0, abs=1e-9)
+        assert row.angle == row.measured
+        assert row.shares["rand"] == pytest.approx(0.1 / math.tau)
+    assert rows[3].expected is None
+    assert rows[3].error is None
+    assert rows[3].shares == {"rand": pytest.approx(1.0 / math.tau)}
+    for row in rows:
+        assert row.log_p == pytest.approx(math.log(max(sum(row.shares.values()), FLOOR)), abs=1e-9)
+    score = model().measure("vision", seen).log_likelihood(np.array([pose]))[0]
+    assert sum(row.log_p for row in rows) == pytest.approx(score, abs=1e-6)
 
 
 @each_backend

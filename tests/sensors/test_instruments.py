@@ -68,6 +68,13 @@ def test_readings_of_one_instrument_add_up() -> None:
     assert both.log_peak == pytest.approx(parts[0].log_peak + parts[1].log_peak)
 
 
+def test_beams_are_told_apart_for_the_latest_of_several_readings() -> None:
+    parts = [LIDAR.measure(scan_of(ranges), np.eye(4)) for ranges in ([1.0], [0.5, 0.7], [0.4, 0.6, 0.8])]
+    for some in (parts, parts[:2], parts[:1]):
+        assert combine(LIDAR, some).each is some[-1].each
+    assert combine(LIDAR, []).each is None
+
+
 def test_no_reading_weighs_nothing() -> None:
     nothing = combine(CAMERA, [])
     assert nothing.log_likelihood(POSES).tolist() == [0.0, 0.0, 0.0]

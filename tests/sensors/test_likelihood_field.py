@@ -89,6 +89,24 @@ def test_both_backends_agree_to_the_bit(code: type[np.uint16 | np.uint32]) -> No
     assert one.tobytes() == other.tobytes()
 
 
+@each_backend
+@pytest.mark.parametrize("combination", ["log", "one_plus_cubes"])
+@pytest.mark.parametrize("lookup", ["nearest", "bilinear"])
+def test_single_beams_are_worth_their_log_likelihood_however_they_combine(
+    lookup: str, combination: str, backend: Backend
+) -> None:
+    parameters = dataclasses.replace(PARAMETERS, field_lookup=lookup, combination=combination)  # type: ignore[arg-type]
+    model = dataclasses.replace(model_over(grid_of(ROOM, RESOLUTION, ORIGIN), backend), parameters=parameters)
+    seen = beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY).with_return()
+    for pose in POSES[:20]:
+        p = model.likelihood(model.distances(seen, pose[np.newaxis])[0], seen.r_max)
+        np.testing.assert_allclose(model.each(seen, pose), np.log(np.maximum(p, 1e-12)), rtol=0, atol=1e-12)
+
+
+def test_tables_cannot_be_written_to() -> None:
+    assert not model_over(grid_of(ROOM, RESOLUTION, ORIGIN)).table(8.0).flags.writeable
+
+
 def test_single_beams_are_worth_the_same_bits_by_both_backends() -> None:
     found = []
     for backend in BACKENDS:

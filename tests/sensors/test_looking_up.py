@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from mclcli.native.backend import COMPILED, NUMPY
 from mclcli.sensors import endpoints
+from mclcli.sensors.beams import Beams
 from mclcli.sensors.likelihood_field import LikelihoodField, LikelihoodFieldParameters
 from mclcli.world import distance_field
 from tests.sensors.test_likelihood_field import ORIGIN, POSES, RESOLUTION, ROOM
@@ -19,6 +21,37 @@ if TYPE_CHECKING:
 FIELD = distance_field.compute(grid_of(ROOM, RESOLUTION, ORIGIN), "exact", 1.0)
 ENDS = np.random.default_rng(2).uniform(-5.0, 5.0, (19, 2))
 TABLE = np.random.default_rng(3).normal(size=FIELD.levels.size + 1)
+
+
+def test_loops_over_a_map_of_ordinary_size_run_compiled() -> None:
+    assert endpoints.kernels_over(FIELD, COMPILED, "likelihood_field") is not None
+    assert endpoints.kernels_over(FIELD, NUMPY, "likelihood_field") is None
+
+
+@each_backend
+@pytest.mark.parametrize("lookup", ["nearest", "bilinear"])
+def test_a_set_that_has_not_converged_skips_no_beam(backend: Backend, lookup: str) -> None:
+    beams = Beams(np.zeros((19, 2)), ENDS, np.ones(19), 8.0, slots=19)
+    one, other = (
+        LikelihoodField(FIELD, LikelihoodFieldParameters(do_beamskip=skips, field_lookup=lookup), backend)  # type: ignore[arg-type]
+        for skips in (True, False)
+    )
+    assert one.measure("lidar", beams).log_likelihood(POSES).tobytes() == (
+        other.measure("lidar", beams).log_likelihood(POSES).tobytes()
+    )
+
+
+def test_a_scan_without_beams_says_nothing_of_a_converged_set() -> None:
+    beams = Beams(np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0), 8.0)
+    model = LikelihoodField(FIELD, LikelihoodFieldParameters(do_beamskip=True))
+    assert model.measure("lidar", beams).log_likelihood(np.zeros((3, 3))).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_no_pose_is_possible_where_nearly_all_beams_are_skipped_and_a_slot_is_empty() -> None:
+    beams = Beams(np.zeros((19, 2)), 1e4 * ENDS, np.ones(19), 8.0, slots=20)
+    poses = np.array([0.5, 0.3, 0.2]) + np.random.default_rng(4).normal(0, 0.05, (7, 3))
+    model = LikelihoodField(FIELD, LikelihoodFieldParameters(do_beamskip=True))
+    assert model.measure("lidar", beams).log_likelihood(poses).tolist() == [-np.inf] * 7
 
 
 @each_backend
@@ -39,7 +72,6 @@ def test_how_beams_are_skipped_does_not_depend_on_what_is_kept_in_memory(
     monkeypatch: pytest.MonkeyPatch, most: int
 ) -> None:
     from mclcli.sensors import likelihood_field
-    from mclcli.sensors.beams import Beams
 
     monkeypatch.setattr(likelihood_field, "_MOST_LOOKED_UP", most)
     poses = np.array([0.5, 0.3, 0.2]) + np.random.default_rng(4).normal(0, 0.05, (200, 3))

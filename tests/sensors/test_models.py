@@ -205,6 +205,7 @@ def test_explanations_add_up_to_the_score(variant: Variant, index: int) -> None:
     model, pose = variant.over(), POSES[index]
     rows = lidar_entry(variant.model).explain(model, seen, pose)
     assert [int(row.name) for row in rows] == seen.indices.tolist()
+    assert all(row.error == row.measured - row.expected for row in rows if row.expected is not None)
     p = np.array([sum(row.shares.values()) for row in rows])
     logs = np.array([row.log_p for row in rows])
     np.testing.assert_allclose(logs, np.log(np.maximum(p, 1e-12)), rtol=0, atol=1e-6)

@@ -13,6 +13,7 @@ from hypothesis.extra.numpy import arrays
 
 from mclcli.errors import UsageError
 from mclcli.world import FieldMethod, distance_field
+from mclcli.world.occupancy import OccupancyGrid
 from tests.reference.sensors import brushfire_distances, exact_distances
 from tests.support import BACKENDS, each_backend, grid_of
 from tests.worlds import drawn
@@ -116,3 +117,24 @@ def test_more_levels_than_sixteen_bits_hold() -> None:
 def test_the_clamp_must_be_a_length(max_dist: float) -> None:
     with pytest.raises(UsageError, match="laser_likelihood_max_dist"):
         distance_field.compute(drawn("#."), "exact", max_dist)
+
+
+@given(occupied=rooms, seed=st.integers(0, 99))
+def test_only_obstacles_beside_free_cells_count_if_boundaries_alone_do(occupied: BoolArray, seed: int) -> None:
+    cells = np.where(occupied, 100, 0).astype(np.int8)
+    cells[np.random.default_rng(seed).random(cells.shape) < 0.3] = -1
+    grid = OccupancyGrid(cells, 0.1, np.zeros(3))
+    height, width = cells.shape
+    beside = [
+        [
+            any(
+                0 <= r + i < height and 0 <= c + j < width and grid.free[r + i, c + j]
+                for i, j in ((-1, 0), (1, 0), (0, -1), (0, 1))
+            )
+            for c in range(width)
+        ]
+        for r in range(height)
+    ]
+    found = distance_field.compute(grid, "exact", 0.5, boundary_only=True)
+    expected = distance_field.compute(grid_of(grid.occupied & np.array(beside), 0.1), "exact", 0.5)
+    np.testing.assert_array_equal(found.metres(), expected.metres())
