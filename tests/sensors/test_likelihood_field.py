@@ -98,9 +98,8 @@ def test_single_beams_are_worth_their_log_likelihood_however_they_combine(
     parameters = dataclasses.replace(PARAMETERS, field_lookup=lookup, combination=combination)  # type: ignore[arg-type]
     model = dataclasses.replace(model_over(grid_of(ROOM, RESOLUTION, ORIGIN), backend), parameters=parameters)
     seen = beams.select(scan_of(RANGES), se3.from_planar(MOUNT), EVERY).with_return()
-    for pose in POSES[:20]:
-        p = model.likelihood(model.distances(seen, pose[np.newaxis])[0], seen.r_max)
-        np.testing.assert_allclose(model.each(seen, pose), np.log(np.maximum(p, 1e-12)), rtol=0, atol=1e-12)
+    p = model.likelihood(model.distances(seen, POSES[:20]), seen.r_max)
+    np.testing.assert_allclose(model.each(seen, POSES[:20]), np.log(np.maximum(p, 1e-12)), rtol=0, atol=1e-12)
 
 
 def test_tables_cannot_be_written_to() -> None:
