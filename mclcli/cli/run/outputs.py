@@ -23,14 +23,12 @@ if TYPE_CHECKING:
     from typing import Self
 
     from mclcli.cli.run.options import RunOptions
-    from mclcli.io.recording.recording import Recording
-    from mclcli.io.recording.roles import Roles
+    from mclcli.cli.run.preparing import Prepared
     from mclcli.io.traces.formats import Format, Role, Writer
     from mclcli.records import StepRecord, TrackPoint, Transform
-    from mclcli.replay.loop import Setup
     from mclcli.settings.profiles import Settings
-    from mclcli.world.landmarks import Landmarks
-    from mclcli.world.occupancy import OccupancyGrid
+
+    Target = tuple[Role, str]
 
 # Options that change how mcl works or where it writes, not what comes out.
 _UNRECORDED = {"-o", "--output", "--track", "--steps", "--picture", "--threads", "--cache-dir", "--color"}
@@ -39,34 +37,34 @@ _UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|-o.+")
 
 @final
 class Outputs:
-    """All outputs of one run, opened together and finished together."""
+    """All outputs of one run, opened together and finished together; ``caveat`` goes where it will be read."""
 
     def __init__(
         self,
         options: RunOptions,
-        recording: Recording,
-        parts: Roles,
-        setup: Setup,
-        settings: Settings,
-        grid: OccupancyGrid | None,
-        landmarks: Landmarks | None,
+        ready: Prepared,
+        targets: Sequence[Target],
         inputs: Sequence[Path],
+        *,
+        caveat: str = "",
     ) -> None:
+        recording, setup, settings = ready.recording, ready.setup, ready.settings
         # Kept where something is made of it at the end: a log may be longer than memory.
         self.track = Track(whole=bool(options.picture or options.truth or options.versus))
         self.last_step: StepRecord | None = None
-        self._targets = _targets(options)
+        self._targets = targets
         self._inputs = inputs
         self._about = About(
-            metadata=_metadata(options, recording, setup, settings, grid, landmarks),
+            metadata={**_metadata(options, ready), **({"caveat": caveat} if caveat else {})},
             parameters_yaml=partial(_parameters_yaml, settings),
             sensors=[instrument.name for instrument in setup.instruments.values()],
-            grid=grid,
+            grid=ready.grid,
             odom_frame=setup.odom_frame,
             base_frame=setup.base_frame,
             map_frame=settings.frames.global_frame_id,
-            static_transforms=recording.survey.statics(parts.transform_topics),
+            static_transforms=recording.survey.statics(ready.parts.transform_topics),
             backend=setup.localizer.backend,
+            caveat=caveat,
         )
         self._stack = ExitStack()
         self._opened: list[Output] = []
@@ -147,12 +145,24 @@ def _parameters_yaml(settings: Settings) -> str:
     return format_params(settings.as_file())
 
 
-def _targets(options: RunOptions) -> list[tuple[Role, str]]:
-    """Role and name of every output; the track on stdout if none is named and stdout is not a terminal."""
-    targets: list[tuple[Role, str]] = [("trace", name) for name in options.traces]
+def targets_of(options: RunOptions) -> list[Target]:
+    """Role and name of every output of a run; the track on stdout if none is named and stdout is not a terminal."""
+    targets: list[Target] = [("trace", name) for name in options.traces]
     targets += [("track", name) for name in options.tracks]
     if options.steps:
         targets.append(("steps", options.steps))
+    return checked(targets, () if options.picture else [("track", "-")])
+
+
+def checked(targets: Sequence[Target], instead: Sequence[Target]) -> list[Target]:
+    """The outputs if each can be one; where there is none and stdout is no terminal, those ``instead``.
+
+    Raises
+    ------
+    UsageError
+        If an ending has no format, or a name is there twice.
+
+    """
     for role, name in targets:
         _check_suffix(role, name)
     names = [name for _, name in targets]
@@ -161,28 +171,21 @@ def _targets(options: RunOptions) -> list[tuple[Role, str]]:
     for name in names:
         if name != "-" and names.count(name) > 1:
             raise UsageError(f"{name}: named for two outputs; give each its own name")
-    if not targets and not options.picture and not sys.stdout.isatty():
-        targets.append(("track", "-"))
-    return targets
+    return [*targets] or ([] if sys.stdout.isatty() else [*instead])
 
 
 def _check_suffix(role: Role, name: str) -> None:
     allowed = tuple(OUTPUTS[role])
     special = name == "-" or name.startswith(("/dev/", "/proc/"))
     if not special and not name.endswith(allowed):
-        option = {"trace": "-o", "track": "--track", "steps": "--steps"}[role]
+        option = {"trace": "-o", "track": "--track", "steps": "--steps", "smoothed": "-o"}[role]
         raise UsageError(f"{option} {name}: the name must end in {' or '.join(allowed)}, or be -")
 
 
-def _metadata(
-    options: RunOptions,
-    recording: Recording,
-    setup: Setup,
-    settings: Settings,
-    grid: OccupancyGrid | None,
-    landmarks: Landmarks | None,
-) -> dict[str, object]:
+def _metadata(options: RunOptions, ready: Prepared) -> dict[str, object]:
     """What it takes to make the same trace again; no clock, no folders."""
+    recording, setup, settings = ready.recording, ready.setup, ready.settings
+    grid, landmarks = ready.grid, ready.landmarks
     metadata: dict[str, object] = {
         "version": __version__,
         "profile": settings.profile,
