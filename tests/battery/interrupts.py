@@ -54,7 +54,8 @@ def check(command: str, number: signal.Signals, moment: float, folder: Path) -> 
     started.send_signal(number)
     _, said = processes.finish(started)
     problems = writing.left_behind(folder, whole, parts=True)
-    if started.returncode not in {0, CODES[number], -number}:  # by the signal itself, before or after mcl is there
+    starting = b"KeyboardInterrupt" in said and b"mclcli/" not in said  # Python itself was interrupted, and says so
+    if started.returncode not in {0, CODES[number], -number} and not starting:  # by the signal itself, or by mcl
         problems.append((CRASH, f"ended with {started.returncode}: {said.decode()[-400:]}"))
     if b"Traceback" in said and b"mclcli/cli" in said:  # not where Python was only starting
         problems.append((CRASH, said.decode()[-400:]))
