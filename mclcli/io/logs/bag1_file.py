@@ -63,6 +63,7 @@ class _Pass:
     last_ns: int = 0
     learned: bool = False
     resumes: int = 0
+    began: int = 0  # where the last record of a chunk began
     safe_at: int = len(rec.MAGIC)  # nothing before this byte is searched after broken framing
 
     def run(self) -> Iterator[Item]:
@@ -165,7 +166,7 @@ class _Pass:
         stop = yield from self.unbroken(records, 0)
         self.safe_at = at + 1 if plain is data else self.src.offset
         if stop < len(records):
-            inside = self.look_within(at, data, stop) if plain is data else None
+            inside = self.look_within(at, data, self.began) if plain is data else None
             yield from self.mended(records[:inside], at, stop)
 
     def look_within(self, at: int, data: bytes, start: int) -> int | None:
@@ -179,6 +180,8 @@ class _Pass:
 
     def mended(self, plain: bytes, at: int, stop: int) -> Iterator[Item | Nameless]:
         """The rest of a run of records that is broken at ``stop``, as far as records can be found in it."""
+        if stop > len(plain):
+            yield self.report.beyond(at, f"the last record of those at byte {at} has swallowed the next chunk's head")
         while stop < len(plain):
             again = self.next_record(plain, stop)
             rest = "the rest of them is skipped" if again == len(plain) else f"{again - stop} bytes of them are skipped"
@@ -187,8 +190,9 @@ class _Pass:
 
     def unbroken(self, plain: bytes, stop: int) -> Generator[Item | Nameless, None, int]:
         """Messages up to the first record that makes no sense; returns where that is."""
-        channels = self.channels.by_number
+        channels, before = self.channels.by_number, stop
         for head, start, stop in rec.walk(plain, stop):  # noqa: B020, PLR1704 - where it ends is where it goes on
+            self.began, before = before, stop
             if head.kind == rec.MESSAGE:
                 number, stamp = head.number(b"conn"), head.stamp_ns
                 if number not in channels:

@@ -45,6 +45,7 @@ class Contents:
     messages: int = 0  # seen so far, wanted or not
     last_ns: int | None = None
     resumes: int = 0
+    began: int = 0  # where the last record of a run began
 
     def records(self, plain: bytes, at: int, pos: int = 0, *, cut: bool = False) -> Iterator[Item | Nameless]:
         """Messages of a run of records from ``pos`` on, and what is wrong with it; ``cut``: it may end anywhere."""
@@ -54,6 +55,8 @@ class Contents:
 
     def mended(self, plain: bytes, at: int, pos: int) -> Iterator[Item | Nameless]:
         """The rest of a run of records that is broken at ``pos``, as far as records can be found in it."""
+        if pos > len(plain):
+            yield self.report.beyond(at, f"the last record of those at byte {at} has swallowed the next chunk's head")
         while pos < len(plain):
             again = self.next_record(plain, pos)
             rest = "the rest of them is skipped" if again == len(plain) else f"{again - pos} bytes of them are skipped"
@@ -62,7 +65,7 @@ class Contents:
 
     def unbroken(self, plain: bytes, pos: int) -> Generator[Item | Nameless, None, int]:  # noqa: C901 - every message passes
         """Messages up to the first record that makes no sense; returns where that is."""
-        end, count, channels = len(plain), 0, self.channels.by_number
+        end, count, channels, began = len(plain), 0, self.channels.by_number, pos
         while pos + 9 <= end:
             kind, length = rec.RECORD.unpack_from(plain, pos)
             stop = pos + 9 + length
@@ -76,7 +79,7 @@ class Contents:
                 watched = channels.get(number)
                 if watched is None:
                     yield from self.nameless(Nameless(number, stamp, plain[pos + 31 : stop], published, sequence))
-                    pos = stop
+                    began, pos = pos, stop
                     continue
                 if sequence > watched.high:  # noqa: PLR1730 - calls take longer
                     watched.high = sequence
@@ -96,8 +99,9 @@ class Contents:
                 yield from self.define(kind, plain[pos + 9 : stop])
             elif self.reads_as_message(kind, plain[pos + 9 : stop]):
                 break
-            pos = stop
+            began, pos = pos, stop
         self.messages += count
+        self.began = began
         return pos
 
     def nameless(self, message: Nameless) -> Iterator[Item | Nameless]:

@@ -234,7 +234,7 @@ class _Pass:
         stop = yield from self.contents.unbroken(records, head.data_at if in_place else 0)
         self.safe_at = at + 1 if in_place and not head.crc else self.src.offset
         if stop < len(records):
-            inside = self.look_within(at, records, stop) if in_place else None
+            inside = self.look_within(at, records, self.contents.began) if in_place else None
             yield from self.contents.mended(records[:inside], at, stop)
 
     def drop(self, at: int, body: bytes, head: rec.ChunkHead | None, error: str) -> None:
