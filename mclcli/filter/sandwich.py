@@ -121,12 +121,13 @@ def state(
     """The estimate of an update with the covariance of its error, and what the next update needs.
 
     ``log_weights`` (N,) are those of the particles before the reading. Particles in several places, or a single one,
-    keep their own covariance: what matters there is which place is right. ``increment`` (3,) was moved since the last
-    update. A lidar whose beams count as measured at one moment sees the robot from up to half a sweep's way off.
+    keep their own covariance, with the floor added: what matters there is which place is right. ``increment`` (3,) was
+    moved since the last update. A lidar whose beams count as measured at one moment sees the robot from up to half a
+    sweep's way off.
     """
     pose, belief = record.estimate.pose, record.estimate.covariance
     if may_be_apart(belief) or log_weights.size == 1:
-        return record.estimate, None
+        return Estimate(pose, belief + _FLOOR), None
     carried = np.exp(log_weights)
     free = _share_free(float(np.square(carried).sum()))
     before = Symmetric.of(weighted_mean(record.poses, carried, backend).covariance / free)
