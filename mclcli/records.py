@@ -195,7 +195,8 @@ class TrackPoint:
     """Where the robot was at one scan: between updates the last estimate carried on by odometry.
 
     ``odom_from_base`` (3,) is the interpolated odometry at the stamp; ``step`` is the update made at this scan, or
-    None where the gate let it pass; ``scan`` the scan itself, or None for runs without a lidar.
+    None where the gate let it pass; ``scan`` the scan itself, or None for runs without a lidar. ``measured``: the
+    scan took part in the estimate though there is no update, as in a smoothed track.
     """
 
     stamp_ns: int
@@ -204,3 +205,9 @@ class TrackPoint:
     odom_from_base: FloatArray
     step: StepRecord | None = None
     scan: LaserScan | None = None
+    measured: bool = False
+
+    @property
+    def updated(self) -> bool:
+        """Whether the scan took part in the estimate, which else was carried on by odometry."""
+        return self.measured or self.step is not None

@@ -85,7 +85,7 @@ class Track:
         if not self._whole:
             return
         self._stamps.append(point.stamp_ns)
-        self._updated.append(point.step is not None)
+        self._updated.append(point.updated)
         self._poses.extend(point.estimate.pose)
         self._covariances.extend(point.estimate.covariance.ravel())
         self._odometry.extend(point.odom_from_base)

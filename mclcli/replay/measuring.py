@@ -34,7 +34,7 @@ def measure(
     parts: dict[str, list[Measurement]] = {topic: [] for topic in setup.instruments}
     for observation in observations:
         instrument, reading = setup.instruments[observation.topic], observation.reading
-        sweep = _sweep(setup, path, reading, odom)
+        sweep = sweep_of(setup, path, reading, odom)
         if sweep is None:
             now_from_then = se3.from_planar(se2.between(odom, observation.odom_from_base))
             measured = instrument.measure(reading, now_from_then @ observation.base_from_sensor)
@@ -45,7 +45,7 @@ def measure(
     return [combine(setup.instruments[topic], measured) for topic, measured in parts.items()]
 
 
-def _sweep(setup: Setup, path: OdometryPath, reading: Reading, odom: FloatArray) -> Sweep | None:
+def sweep_of(setup: Setup, path: OdometryPath, reading: Reading, odom: FloatArray) -> Sweep | None:
     """Where the base was at each beam of a scan, seen from the update's base; None if all count as at the stamp."""
     if not isinstance(reading, LaserScan) or setup.until_ns(reading) == reading.stamp_ns:
         return None

@@ -79,6 +79,10 @@ class Smoothed:
 
     def covariances(self) -> FloatArray:
         """Marginal covariances (m, n, 3, 3) of the poses."""
+        return self._factor.marginals()[0]
+
+    def joint_covariances(self) -> tuple[FloatArray, FloatArray]:
+        """Marginal covariances (m, n, 3, 3), and those (m, n − 1, 3, 3) of every pose (rows) and the next one."""
         return self._factor.marginals()
 
 

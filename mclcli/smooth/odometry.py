@@ -38,6 +38,11 @@ class Odometry:
     covariances: FloatArray
     jumps: Jumps | None = None
 
+    def some(self, first: int, last: int) -> Odometry:
+        """What joins the poses from ``first`` to before ``last``."""
+        within = slice(first, last - 1)
+        return Odometry(self.increments[within], self.covariances[within], self.jumps)
+
 
 class Linearised(NamedTuple):
     """Factors of m chains at their poses, as the blocks of normal equations.
@@ -64,7 +69,7 @@ def errors(poses: FloatArray, increments: FloatArray) -> FloatArray:
 def linearise(poses: FloatArray, odometry: Odometry, information: FloatArray) -> Linearised:
     """The factors at poses (m, n, 3); ``information`` (n − 1, 3, 3) is Q⁻¹ of the increments."""
     error = errors(poses, odometry.increments)
-    by_first, by_second = _jacobians(poses)
+    by_first, by_second = jacobians(poses)
     weighed = np.einsum("nij,mnj->mni", information, error)
     costs, weights = _costs((weighed * error).sum(axis=-1), odometry.jumps)
     weighed *= weights[..., np.newaxis]
@@ -90,7 +95,7 @@ def _costs(squares: FloatArray, jumps: Jumps | None) -> tuple[FloatArray, FloatA
     return -total, share + (1.0 - share) / jumps.times**2
 
 
-def _jacobians(poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+def jacobians(poses: FloatArray) -> tuple[FloatArray, FloatArray]:
     """∂e/∂a and ∂e/∂b, each (m, n − 1, 3, 3)."""
     a, b = poses[:, :-1], poses[:, 1:]
     c, s = np.cos(a[..., 2]), np.sin(a[..., 2])

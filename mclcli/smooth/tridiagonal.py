@@ -38,18 +38,20 @@ class Factor:
         """Logarithms (m,) of the determinants of the systems."""
         return np.asarray(2.0 * np.log(self.band[0]).reshape(self.chains, -1).sum(axis=1))
 
-    def marginals(self) -> FloatArray:
-        """Diagonal blocks (m, n, 3, 3) of the inverses: the covariance of every pose of every chain.
+    def marginals(self) -> tuple[FloatArray, FloatArray]:
+        """Blocks of the inverses: covariances (m, n, 3, 3) of every pose, and (m, n − 1, 3, 3) of each and the next.
 
-        Backwards from the last pose, C_k = S_k⁻¹ + K_k C_{k+1} K_kᵀ with S_k = L_kk L_kkᵀ and K_k = L_kk⁻ᵀ L_{k+1,k}ᵀ.
+        Backwards from the last pose, C_k = S_k⁻¹ + K_k C_{k+1} K_kᵀ with S_k = L_kk L_kkᵀ and K_k = L_kk⁻ᵀ L_{k+1,k}ᵀ;
+        C_{k,k+1} = −K_k C_{k+1}.
         Source: Rauch, Tung and Striebel 1965, in terms of information.
         """
         own, gains = self._blocks()
-        found = own.copy()
+        found, crossed = own.copy(), np.empty_like(gains)
         for k in range(own.shape[1] - 2, -1, -1):
             gain = gains[:, k]
-            found[:, k] += gain @ found[:, k + 1] @ gain.transpose(0, 2, 1)
-        return 0.5 * (found + found.transpose(0, 1, 3, 2))
+            crossed[:, k] = -gain @ found[:, k + 1]
+            found[:, k] -= crossed[:, k] @ gain.transpose(0, 2, 1)
+        return 0.5 * (found + found.transpose(0, 1, 3, 2)), crossed
 
     def _blocks(self) -> tuple[FloatArray, FloatArray]:
         """S_k⁻¹ (m, n, 3, 3) and K_k (m, n − 1, 3, 3)."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 class TrackCsv:
     """Writes ``stamp,x,y,yaw,cov_xx,…,updated,segment``: 9 decimals, covariances with 9 significant digits.
 
-    ``updated`` is 1 where the filter made an update, 0 where the last estimate was carried on by odometry.
+    ``updated`` is 1 where the scan took part, 0 where the last estimate was carried on by odometry.
     """
 
     __slots__ = ("_stream",)
@@ -33,7 +33,7 @@ class TrackCsv:
         x, y, yaw = point.estimate.pose.tolist()
         covariance = covariance_text(point.estimate.covariance)
         where = f"{stamp_text(point.stamp_ns)},{x:.9f},{y:.9f},{yaw:.9f}"
-        self._stream.write(f"{where},{covariance},{point.step is not None:d},{point.segment}\n")
+        self._stream.write(f"{where},{covariance},{point.updated:d},{point.segment}\n")
 
     def close(self) -> None:
         """Nothing is left to write."""
