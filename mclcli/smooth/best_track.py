@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 _STEPS = 12
 _ROUNDS = 2
+_ENOUGH = 3e-4  # nats a key: a step that gains less is the last
 _PLACES = 2.0  # in a unit of way
 
 
@@ -56,9 +57,10 @@ def smooth(drive: Drive, start: FloatArray, surface: Surface) -> BestTrack:
     poses = _carried(learned.poses, drive.odometry, keys)
     _, place, crowd = np.unique(np.floor(_PLACES * along), return_inverse=True, return_counts=True)
     factors = ScanFactors(surface, drive.scans, learned.law, learned.alpha / crowd[place])
+    between, enough = learning.joined(drive, learned.drift), _ENOUGH * len(keys)
     for _ in range(_ROUNDS):
         trusted = ScanFactors(surface, drive.scans, learned.law, factors.alphas * trust(factors.explained(poses)))
-        found = chain.minimise(poses[np.newaxis], trusted, learning.joined(drive, learned.drift), steps=_STEPS)
+        found = chain.minimise(poses[np.newaxis], trusted, between, steps=_STEPS, enough=enough)
         poses = found.poses[0]
     return BestTrack(
         poses,

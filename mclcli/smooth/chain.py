@@ -86,10 +86,13 @@ class Smoothed:
         return self._factor.marginals()
 
 
-def minimise(poses: FloatArray, unary: UnaryFactors, odometry: Odometry, *, steps: int = _STEPS) -> Smoothed:
+def minimise(
+    poses: FloatArray, unary: UnaryFactors, odometry: Odometry, *, steps: int = _STEPS, enough: float = 0.0
+) -> Smoothed:
     """From poses (m, n, 3), each chain near where it is thought to be, to the nearest minimum of each.
 
-    A chain's bits do not depend on the others. At most so many ``steps`` are tried.
+    A chain's bits do not depend on the others. At most so many ``steps`` are tried; a chain has converged once its
+    poses hardly move, or a step gains less than ``enough`` [nats].
     """
     information = np.asarray(np.linalg.inv(odometry.covariances), dtype=np.float64)
     best = _State.at(poses.copy(), unary, odometry, information)
@@ -102,7 +105,8 @@ def minimise(poses: FloatArray, unary: UnaryFactors, odometry: Odometry, *, step
         tried = best.poses[moving] + step
         tried[..., 2] = se2.wrap(tried[..., 2])
         found = _State.at(tried, unary, odometry, information)
-        better = found.costs() <= best.costs()[moving]
+        gains = best.costs()[moving] - found.costs()
+        better = gains >= 0.0
         best.replace(moving[better], found, better)
         small = (np.abs(step) < _CONVERGED).all(axis=(1, 2))
         stuck = damping[moving] >= _MOST_DAMPING
@@ -111,7 +115,7 @@ def minimise(poses: FloatArray, unary: UnaryFactors, odometry: Odometry, *, step
             np.maximum(_EASED * damping[moving], _LEAST_DAMPING),
             np.clip(_RAISED * damping[moving], 1e-4, _MOST_DAMPING),
         )
-        converged[moving] = small | (stuck & ~better)
+        converged[moving] = small | (stuck & ~better) | (better & (gains < enough))
     factor = tridiagonal.factorise(best.damped(np.arange(len(poses)), np.zeros(len(poses))), best.above)
     return Smoothed(best.poses, best.unary_costs, best.odometry_costs, converged, factor)
 

@@ -32,7 +32,9 @@ _LEAST_SIGMA, _MOST_SIGMA = 0.24, 0.5  # cells (that of their quantisation is 0.
 _MOST_Z = 0.99
 _FIRST, _FIRST_ALPHA = Law(0.1, 0.9), 0.5
 _TRUSTED, _LEAST_TRUST = 0.6, 0.05
+_EM_STEPS = 10  # of σ and z in a round, which begins where the last one ended
 _FEW_INCREMENTS = 10
+_ENOUGH = 0.003  # nats a scan: a step that gains less ends a round
 _APART = 1e4  # [m², rad²] of poses that do not follow each other
 _OFFSET_STEP, _MOST_OFFSET = 0.03, 0.2  # [m]
 _OFFSET_PRIOR = 1.0 / 0.05**2  # [1/m²]
@@ -56,17 +58,17 @@ class Learned:
 def learn(drive: Drive, start: FloatArray, surface: Surface) -> Learned:
     """From a drive whose scans are some way apart, near poses ``start`` (n, 3)."""
     poses, law, drift, alpha = start, _FIRST, Drift(), _FIRST_ALPHA
-    trusted = np.ones(len(poses))
+    trusted, enough = np.ones(len(poses)), _ENOUGH * len(poses)
     for turn in range(_ROUNDS):
         blurred = turn < len(_BLURRED)
         seen = dataclasses.replace(law, sigma=max(law.sigma, _BLURRED[turn])) if blurred else law
         factors = ScanFactors(surface, drive.scans, seen, alpha * trusted)
         between = joined(drive, drift, None if blurred else _JUMPS)
-        found = chain.minimise(poses[np.newaxis], factors, between, steps=_STEPS)
+        found = chain.minimise(poses[np.newaxis], factors, between, steps=_STEPS, enough=enough)
         if turn in _LOOKED_ASIDE:
             doubted = np.where(drive.breaks[1:], 0.0, found.odometry_costs[0])
             beside = aside.better(found.poses[0], doubted, factors, between)
-            found = chain.minimise(beside[np.newaxis], factors, between, steps=_STEPS)
+            found = chain.minimise(beside[np.newaxis], factors, between, steps=_STEPS, enough=enough)
         poses = found.poses[0]
         residuals = factors.residuals(poses)
         if turn >= len(_BLURRED) - 1:
@@ -101,12 +103,12 @@ def trust(explained: FloatArray) -> FloatArray:
 def _law(factors: ScanFactors, residuals: Residuals, trusted: BoolArray) -> Law:
     """σ and z by EM from the distances of trusted scans (n,), the offset by a step along their beams."""
     before, field = factors.law, factors.surface.field
-    real = factors.scans.real & trusted[:, np.newaxis]
+    real = factors.scans.real() & trusted[:, np.newaxis]
     d = residuals.distances[real]
     if not d.size:
         return before
     clamped, sigma, z = d >= 0.999 * field.max_dist, before.sigma, before.z
-    for _ in range(50):
+    for _ in range(_EM_STEPS):
         hit = z * 2.0 / (sigma * np.sqrt(2.0 * np.pi)) * np.exp(-0.5 * (d / sigma) ** 2)
         share = np.where(clamped, 0.0, hit / (hit + (1.0 - z) / field.max_dist))
         z = min(max(float(share.mean()), 1.0 - _MOST_Z), _MOST_Z)

@@ -49,10 +49,9 @@ class Scans:
         """Some of the scans."""
         return Scans(self.ends[chosen], self.directions[chosen], self.counts[chosen], self.r_max)
 
-    @property
-    def real(self) -> BoolArray:
-        """Which of the K beams of each scan are beams (n, K)."""
-        return np.arange(self.ends.shape[1]) < self.counts[:, np.newaxis]
+    def real(self, block: slice = slice(None)) -> BoolArray:
+        """Which of the K beams of each scan, or of those of a block, are beams (n, K)."""
+        return np.arange(self.ends.shape[1]) < self.counts[block, np.newaxis]
 
 
 @final
@@ -161,12 +160,12 @@ class ScanFactors:
             block = slice(start, start + _BLOCK)
             d = self._residuals(poses[block], block).distances
             log_p = np.log(0.5 * np.exp(-0.5 * (d / _SIGMA) ** 2) + rest)
-            found[block] = ((log_p - low) / (high - low) * self.scans.real[block]).sum(axis=1)
+            found[block] = ((log_p - low) / (high - low) * self.scans.real(block)).sum(axis=1)
         return np.where(self.scans.counts > 0, found / np.maximum(self.scans.counts, 1), 0.0)
 
     def _residuals(self, poses: FloatArray, block: slice) -> Residuals:
         ends, directions = self.scans.ends[block], self.scans.directions[block]
-        real = self.scans.real[block]
+        real = self.scans.real(block)
         c, s = np.cos(poses[:, 2:]), np.sin(poses[:, 2:])
         ahead_x, ahead_y = directions[..., 0].astype(np.float64), directions[..., 1].astype(np.float64)
         x, y = ends[..., 0] + self.law.offset * ahead_x, ends[..., 1] + self.law.offset * ahead_y
@@ -180,7 +179,7 @@ class ScanFactors:
 
     def _costs(self, distances: FloatArray, block: slice) -> FloatArray:
         hit, other = self._parts(distances)
-        return np.asarray(-(np.log(hit + other) * self.scans.real[block]).sum(axis=1))
+        return np.asarray(-(np.log(hit + other) * self.scans.real(block)).sum(axis=1))
 
     def _parts(self, distances: FloatArray) -> tuple[FloatArray, float]:
         """Densities of a hit and of anything else."""

@@ -88,7 +88,7 @@ def test_residuals_are_those_of_the_beams_that_there_are() -> None:
         np.testing.assert_allclose(found.distances[k, : len(expected)], expected, atol=1e-6)
         shares = [reference.hit_share(d, LAW.sigma, LAW.z, SURFACE.field.max_dist) for d in expected]
         np.testing.assert_allclose(found.shares[k, : len(expected)], shares, rtol=1e-4, atol=1e-12)
-    absent = ~factors(LAW).scans.real
+    absent = ~factors(LAW).scans.real()
     assert absent.any()
     assert not found.distances[absent].any()
     assert not found.shares[absent].any()
