@@ -18,19 +18,15 @@ from mclcli.io.traces.output import Output, open_output
 from mclcli.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from types import TracebackType
     from typing import Self
 
     from mclcli.cli.run.options import RunOptions
-    from mclcli.io.recording.recording import Recording
-    from mclcli.io.recording.roles import Roles
+    from mclcli.cli.run.preparing import Prepared
     from mclcli.io.traces.formats import Format, Role, Writer
     from mclcli.records import StepRecord, TrackPoint, Transform
-    from mclcli.replay.loop import Setup
     from mclcli.settings.profiles import Settings
-    from mclcli.world.landmarks import Landmarks
-    from mclcli.world.occupancy import OccupancyGrid
 
 # Options that change how mcl works or where it writes, not what comes out.
 _UNRECORDED = {"-o", "--output", "--track", "--steps", "--picture", "--threads", "--cache-dir", "--color"}
@@ -39,33 +35,31 @@ _UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|-o.+")
 
 @final
 class Outputs:
-    """All outputs of one run, opened together and finished together."""
+    """All outputs of one run, opened together and finished together; ``more`` is added to what is said of the run."""
 
     def __init__(
         self,
         options: RunOptions,
-        recording: Recording,
-        parts: Roles,
-        setup: Setup,
-        settings: Settings,
-        grid: OccupancyGrid | None,
-        landmarks: Landmarks | None,
+        ready: Prepared,
         inputs: Sequence[Path],
+        *,
+        more: Mapping[str, object] | None = None,
     ) -> None:
+        recording, setup, settings = ready.recording, ready.setup, ready.settings
         # Kept where something is made of it at the end: a log may be longer than memory.
         self.track = Track(whole=bool(options.picture or options.truth or options.versus))
         self.last_step: StepRecord | None = None
         self._targets = _targets(options)
         self._inputs = inputs
         self._about = About(
-            metadata=_metadata(options, recording, setup, settings, grid, landmarks),
+            metadata={**_metadata(options, ready), **(more or {})},
             parameters_yaml=partial(_parameters_yaml, settings),
             sensors=[instrument.name for instrument in setup.instruments.values()],
-            grid=grid,
+            grid=ready.grid,
             odom_frame=setup.odom_frame,
             base_frame=setup.base_frame,
             map_frame=settings.frames.global_frame_id,
-            static_transforms=recording.survey.statics(parts.transform_topics),
+            static_transforms=recording.survey.statics(ready.parts.transform_topics),
             backend=setup.localizer.backend,
         )
         self._stack = ExitStack()
@@ -174,15 +168,10 @@ def _check_suffix(role: Role, name: str) -> None:
         raise UsageError(f"{option} {name}: the name must end in {' or '.join(allowed)}, or be -")
 
 
-def _metadata(
-    options: RunOptions,
-    recording: Recording,
-    setup: Setup,
-    settings: Settings,
-    grid: OccupancyGrid | None,
-    landmarks: Landmarks | None,
-) -> dict[str, object]:
+def _metadata(options: RunOptions, ready: Prepared) -> dict[str, object]:
     """What it takes to make the same trace again; no clock, no folders."""
+    recording, setup, settings = ready.recording, ready.setup, ready.settings
+    grid, landmarks = ready.grid, ready.landmarks
     metadata: dict[str, object] = {
         "version": __version__,
         "profile": settings.profile,
