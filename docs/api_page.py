@@ -14,6 +14,7 @@ from mclcli.io.recording.recording import Recording
 from mclcli.io.recording.roles import Roles
 from mclcli.records import Estimate, StampedPose, StepRecord, TrackPoint
 from mclcli.replay.intake import Setup
+from mclcli.replay.smoothing import Smoothed
 from mclcli.settings.profiles import Settings
 from mclcli.world.occupancy import OccupancyGrid
 
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 GROUPS = {
     "Logs, maps, parameters": ("open_recording", "load_map", "settings", "load_settings"),
-    "Running the filter": ("prepare", "replay", "ReplayTally"),
+    "Running the filter": ("prepare", "replay", "ReplayTally", "Smoothing"),
     "Where the particles start": ("AroundPose", "AroundSeveral", "AlongPoses", "Anywhere"),
     "Tracks and their errors": (
         "Trajectory",
@@ -41,7 +42,19 @@ GROUPS = {
     ),
 }
 # Not made by hand, and so not among the library's names, but what its functions give or take.
-OTHERS = (TrackPoint, StepRecord, Estimate, StampedPose, Recording, Roles, OccupancyGrid, Settings, Setup, Opening)
+OTHERS = (
+    TrackPoint,
+    StepRecord,
+    Estimate,
+    StampedPose,
+    Recording,
+    Roles,
+    OccupancyGrid,
+    Settings,
+    Setup,
+    Opening,
+    Smoothed,
+)
 _INTRODUCTION = """# Library
 
 Every public name, with its signature and docstring; made from the source by docs/build.py. There are examples in

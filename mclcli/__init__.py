@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mclcli.io.recording.recording import open_recording
     from mclcli.replay.loop import ReplayTally, replay
     from mclcli.replay.setup import prepare
+    from mclcli.replay.smoothing import Smoothing
     from mclcli.settings.profiles import build as settings
     from mclcli.settings.robots.reading import load_settings
 
@@ -37,6 +38,7 @@ _HOMES = {
     "Protocol": "mclcli.evaluate.evaluation",
     "ReplayTally": "mclcli.replay.loop",
     "Rule": "mclcli.evaluate.events",
+    "Smoothing": "mclcli.replay.smoothing",
     "Trajectory": "mclcli.geometry.trajectory",
     "compare_tracks": "mclcli.evaluate.versus",
     "evaluate_track": "mclcli.evaluate.evaluation",
@@ -64,6 +66,7 @@ __all__ = [
     "Protocol",
     "ReplayTally",
     "Rule",
+    "Smoothing",
     "Trajectory",
     "__version__",
     "compare_tracks",

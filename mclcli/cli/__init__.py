@@ -21,6 +21,7 @@ COMMANDS = {
     "score": "Score poses of a robot against one scan.",
     "locate": "Find where a scan was taken, anywhere on the map.",
     "run": "Run Monte Carlo Localization over a log.",
+    "smooth": "The best track of a log: every scan and all of its odometry at once.",
     "eval": "Errors of tracks against a reference, with limits for CI.",
     "extract": "Print one message of a log, a laser scan ready for `mcl score -`.",
     "recover": "Save every whole message of a damaged log into a clean MCAP.",
@@ -28,7 +29,7 @@ COMMANDS = {
 }
 _HELP = "Explain a command: `mcl help run` is `mcl run --help`."
 
-_PACKAGES = {"run", "eval", "locate", "score"}
+_PACKAGES = {"run", "smooth", "eval", "locate", "score"}
 
 
 def load_command(name: str) -> click.Command:

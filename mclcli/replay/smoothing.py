@@ -95,16 +95,31 @@ class Smoothing:
             If there is no scan.
 
         """
+        drive = self.drive()
+        surface = Surface.of(make_field(grid, "exact", _MAX_DIST, boundary_only=True))
+        best = best_track.smooth(drive, self.start, surface)
+        recorded = np.array(self._recorded).reshape(-1, 3)
+        return Smoothed(best, self.start, self._stamps, self._segments.tolist(), recorded)
+
+    @property
+    def start(self) -> FloatArray:
+        """The filter's poses (n, 3)."""
+        return np.array(self._poses).reshape(-1, 3)
+
+    def drive(self) -> Drive:
+        """What was gathered.
+
+        Raises
+        ------
+        InputError
+            If there is no scan.
+
+        """
         if not self._seen:
             raise InputError("no scan to smooth: the filter stated no pose")
-        self._waiting.clear()
-        segments = np.array(self._segments)
-        breaks = np.concatenate([[True], np.diff(segments) != 0])
+        breaks = np.concatenate([[True], np.diff(np.array(self._segments)) != 0])
         odometry, sweeps = (np.array([getattr(one, name) for one in self._seen]) for name in ("odometry", "sweep"))
-        start = np.array(self._poses).reshape(-1, 3)
-        surface = Surface.of(make_field(grid, "exact", _MAX_DIST, boundary_only=True))
-        best = best_track.smooth(Drive(self._scans(), odometry, breaks, sweeps), start, surface)
-        return Smoothed(best, start, self._stamps, segments.tolist(), np.array(self._recorded).reshape(-1, 3))
+        return Drive(self._scans(), odometry, breaks, sweeps)
 
     def _scans(self) -> Scans:
         counts = np.array([len(one.ends) for one in self._seen], np.int64)

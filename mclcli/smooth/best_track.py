@@ -35,8 +35,8 @@ class BestTrack:
     """Poses (n, 3) and covariances (n, 3, 3) of all scans, and what was learned on the way.
 
     ``reliability`` (n,) is that of the filter: about the share of a scan's beams that the map explains.
-    ``scan_costs`` (n,) and ``odometry_costs`` (n − 1,) are what is left of −log p; ``converged`` is False where the
-    steps did not come to an end.
+    ``scan_costs`` (n,) and ``odometry_costs`` (n − 1,) [nats] are what is left of −α log p, of beams above that of
+    beams which all end at walls; ``converged`` is False where the steps did not come to an end.
     """
 
     poses: FloatArray
@@ -66,7 +66,7 @@ def smooth(drive: Drive, start: FloatArray, surface: Surface) -> BestTrack:
         poses,
         found.covariances()[0] + _of_sweeps(drive, poses, learned),
         factors.reliability(poses),
-        found.unary_costs[0],
+        found.unary_costs[0] - trusted.least_costs(),
         found.odometry_costs[0],
         bool(found.converged[0]),
         learned,

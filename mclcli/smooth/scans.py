@@ -137,6 +137,11 @@ class ScanFactors:
                         )
         return Unary(costs, gradients, curvatures)
 
+    def least_costs(self) -> FloatArray:
+        """What scans (n,) would cost whose beams all end at a wall."""
+        hit, other = self._parts(np.zeros(1))
+        return np.asarray(-self.alphas * self.scans.counts * np.log(hit + other)[0])
+
     def residuals(self, poses: FloatArray) -> Residuals:
         """What the scans are at poses (n, 3)."""
         blocks = [slice(start, start + _BLOCK) for start in range(0, len(poses), _BLOCK)]

@@ -20,7 +20,7 @@ def command(options: RunOptions) -> ExitCode:
     With no output named, the track goes to stdout as CSV unless that is a terminal.
     """
     from mclcli.cli.run import report
-    from mclcli.cli.run.outputs import Outputs
+    from mclcli.cli.run.outputs import Outputs, targets_of
     from mclcli.cli.run.preparing import prepare, require_updates
     from mclcli.cli.run.references import References, lines_of, report_of
     from mclcli.io.traces.output import open_output
@@ -34,7 +34,7 @@ def command(options: RunOptions) -> ExitCode:
     if options.picture:
         open_output(options.picture, binary=True, inputs=inputs)  # refuses now what it would refuse at the end
     tally = ReplayTally()
-    with Outputs(options, ready, inputs) as outputs:
+    with Outputs(options, ready, targets_of(options), inputs) as outputs:
         with report.progress(recording, tally) as show:
             events = ready.events(references, outputs.pass_on if outputs.keeps_transforms else None)
             for point in replay(events, setup, tally):

@@ -112,38 +112,22 @@ topic_options = options.together(
     options.robot,
 )
 
-run_options = options.all_of(
+log_and_map = options.all_of(
     click.argument("logs", metavar="LOG...", nargs=-1, required=True, shell_complete=completion.files),
     click.option(
         "--map", "map_file", type=click.Path(path_type=Path), help="Map, a map_server YAML; else the log's own."
     ),
-    click.option(
-        "-o",
-        "--output",
-        "traces",
-        multiple=True,
-        metavar="TRACE",
-        shell_complete=completion.files,
-        help=f"Weight trace: {endings('trace')}, or - for CSV on stdout; repeatable.",
-    ),
-    click.option(
-        "--track",
-        "tracks",
-        multiple=True,
-        metavar="FILE",
-        shell_complete=completion.files,
-        help=f"A pose per scan: {endings('track')}, or - for CSV on stdout; repeatable.",
-    ),
-    click.option(
-        "--steps", metavar="FILE", shell_complete=completion.files, help="A row per update, CSV; - is stdout."
-    ),
-    click.option(
-        "--picture",
-        metavar="F.png",
-        shell_complete=completion.files,
-        callback=parse_picture,
-        help="Draw map, track, reference and final particles.",
-    ),
+)
+
+picture = click.option(
+    "--picture",
+    metavar="F.png",
+    shell_complete=completion.files,
+    callback=parse_picture,
+    help="Draw map, track, reference and final particles.",
+)
+
+filtering = options.all_of(
     click.option(
         "--init",
         metavar="WHERE",
@@ -194,12 +178,40 @@ run_options = options.all_of(
         "--duration", "duration_ns", callback=parse_duration, metavar="S", help="How many seconds of the log to use."
     ),
     click.option("--strict", is_flag=True, help="Stop at the first damage in the log."),
+)
+
+truth = click.option(
+    "--truth",
+    metavar="FILE.tum|TOPIC|tf:…",
+    shell_complete=completion.topics("poses"),
+    help="Reference for picture and report, as for mcl eval; tf:FRAME[:CHILD] are transforms. Never an input.",
+)
+
+run_options = options.all_of(
+    log_and_map,
     click.option(
-        "--truth",
-        metavar="FILE.tum|TOPIC|tf:…",
-        shell_complete=completion.topics("poses"),
-        help="Reference for picture and report, as for mcl eval; tf:FRAME[:CHILD] are transforms. Never an input.",
+        "-o",
+        "--output",
+        "traces",
+        multiple=True,
+        metavar="TRACE",
+        shell_complete=completion.files,
+        help=f"Weight trace: {endings('trace')}, or - for CSV on stdout; repeatable.",
     ),
+    click.option(
+        "--track",
+        "tracks",
+        multiple=True,
+        metavar="FILE",
+        shell_complete=completion.files,
+        help=f"A pose per scan: {endings('track')}, or - for CSV on stdout; repeatable.",
+    ),
+    click.option(
+        "--steps", metavar="FILE", shell_complete=completion.files, help="A row per update, CSV; - is stdout."
+    ),
+    picture,
+    filtering,
+    truth,
     click.option(
         "--versus",
         metavar="TOPIC|tf:…",

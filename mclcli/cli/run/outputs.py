@@ -18,7 +18,7 @@ from mclcli.io.traces.output import Output, open_output
 from mclcli.version import __version__
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Sequence
     from types import TracebackType
     from typing import Self
 
@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     from mclcli.records import StepRecord, TrackPoint, Transform
     from mclcli.settings.profiles import Settings
 
+    Target = tuple[Role, str]
+
 # Options that change how mcl works or where it writes, not what comes out.
 _UNRECORDED = {"-o", "--output", "--track", "--steps", "--picture", "--threads", "--cache-dir", "--color"}
 _UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|-o.+")
@@ -35,24 +37,25 @@ _UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|-o.+")
 
 @final
 class Outputs:
-    """All outputs of one run, opened together and finished together; ``more`` is added to what is said of the run."""
+    """All outputs of one run, opened together and finished together; ``caveat`` goes where it will be read."""
 
     def __init__(
         self,
         options: RunOptions,
         ready: Prepared,
+        targets: Sequence[Target],
         inputs: Sequence[Path],
         *,
-        more: Mapping[str, object] | None = None,
+        caveat: str = "",
     ) -> None:
         recording, setup, settings = ready.recording, ready.setup, ready.settings
         # Kept where something is made of it at the end: a log may be longer than memory.
         self.track = Track(whole=bool(options.picture or options.truth or options.versus))
         self.last_step: StepRecord | None = None
-        self._targets = _targets(options)
+        self._targets = targets
         self._inputs = inputs
         self._about = About(
-            metadata={**_metadata(options, ready), **(more or {})},
+            metadata={**_metadata(options, ready), **({"caveat": caveat} if caveat else {})},
             parameters_yaml=partial(_parameters_yaml, settings),
             sensors=[instrument.name for instrument in setup.instruments.values()],
             grid=ready.grid,
@@ -61,6 +64,7 @@ class Outputs:
             map_frame=settings.frames.global_frame_id,
             static_transforms=recording.survey.statics(ready.parts.transform_topics),
             backend=setup.localizer.backend,
+            caveat=caveat,
         )
         self._stack = ExitStack()
         self._opened: list[Output] = []
@@ -141,12 +145,24 @@ def _parameters_yaml(settings: Settings) -> str:
     return format_params(settings.as_file())
 
 
-def _targets(options: RunOptions) -> list[tuple[Role, str]]:
-    """Role and name of every output; the track on stdout if none is named and stdout is not a terminal."""
-    targets: list[tuple[Role, str]] = [("trace", name) for name in options.traces]
+def targets_of(options: RunOptions) -> list[Target]:
+    """Role and name of every output of a run; the track on stdout if none is named and stdout is not a terminal."""
+    targets: list[Target] = [("trace", name) for name in options.traces]
     targets += [("track", name) for name in options.tracks]
     if options.steps:
         targets.append(("steps", options.steps))
+    return checked(targets, () if options.picture else [("track", "-")])
+
+
+def checked(targets: Sequence[Target], instead: Sequence[Target]) -> list[Target]:
+    """The outputs if each can be one; where there is none and stdout is no terminal, those ``instead``.
+
+    Raises
+    ------
+    UsageError
+        If an ending has no format, or a name is there twice.
+
+    """
     for role, name in targets:
         _check_suffix(role, name)
     names = [name for _, name in targets]
@@ -155,16 +171,14 @@ def _targets(options: RunOptions) -> list[tuple[Role, str]]:
     for name in names:
         if name != "-" and names.count(name) > 1:
             raise UsageError(f"{name}: named for two outputs; give each its own name")
-    if not targets and not options.picture and not sys.stdout.isatty():
-        targets.append(("track", "-"))
-    return targets
+    return [*targets] or ([] if sys.stdout.isatty() else [*instead])
 
 
 def _check_suffix(role: Role, name: str) -> None:
     allowed = tuple(OUTPUTS[role])
     special = name == "-" or name.startswith(("/dev/", "/proc/"))
     if not special and not name.endswith(allowed):
-        option = {"trace": "-o", "track": "--track", "steps": "--steps"}[role]
+        option = {"trace": "-o", "track": "--track", "steps": "--steps", "smoothed": "-o"}[role]
         raise UsageError(f"{option} {name}: the name must end in {' or '.join(allowed)}, or be -")
 
 

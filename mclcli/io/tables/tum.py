@@ -5,6 +5,7 @@ TUM: ``t x y z qx qy qz qw`` a line, ``#`` comments, as evo and the TUM RGB-D be
 
 from __future__ import annotations
 
+import logging
 import math
 import re
 from decimal import Decimal
@@ -41,12 +42,17 @@ _SYMMETRIC = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # the upper triangle, row by row, to a
 
 @final
 class TumWriter:
-    """Writes the track in the TUM format, every number with 9 decimals; z, qx and qy are 0."""
+    """Writes the track in the TUM format, every number with 9 decimals; z, qx and qy are 0.
+
+    A ``caveat`` stands in a comment before the first pose.
+    """
 
     __slots__ = ("_stream",)
 
-    def __init__(self, stream: TextSink) -> None:
+    def __init__(self, stream: TextSink, caveat: str = "") -> None:
         self._stream = stream
+        if caveat:
+            stream.write(f"# {_CAVEAT}{caveat}\n")
 
     def write(self, point: TrackPoint) -> None:
         """Append one line; a ValueError if the pose is not finite."""
@@ -67,6 +73,7 @@ def read_tum(source: str | Path, *, strict: bool = False) -> Trajectory:
     Covariances (``cov_xx``…) and ``updated`` of a CSV come along where it has these columns; where its ``segment``
     changes the clock may have jumped back, and the later segment overrules what it covers.
 
+    What a caveat in the first line says is repeated as a warning.
     Rows out of order are sorted, of equal stamps the first is kept, quaternions are normalised: each with a warning
     that counts them, or refused if ``strict``.
 
@@ -98,6 +105,7 @@ def read_tum(source: str | Path, *, strict: bool = False) -> Trajectory:
     return _trajectory(in_order_of_time(rows, name, strict=strict))
 
 
+_CAVEAT = "caveat: "
 _EXPECTED = "expected lines 't x y z qx qy qz qw' (TUM) or a CSV with stamp, x, y, yaw"
 
 
@@ -119,7 +127,10 @@ def _lines(source: str | Path) -> list[tuple[int, str]]:
     if b"\0" in data:
         raise InputError(f"{name}: is not text; of a log name a topic as well, LOG:TOPIC")
     numbered = enumerate((line.strip() for line in data.decode("utf-8-sig", "replace").split("\n")), start=1)
-    return [(number, line) for number, line in numbered if line and not line.startswith("#")]
+    lines = [(number, line) for number, line in numbered if line]
+    if lines and lines[0][1].startswith(f"# {_CAVEAT}"):
+        logging.getLogger(__name__).warning("%s: %s", name, lines[0][1].removeprefix(f"# {_CAVEAT}"))
+    return [(number, line) for number, line in lines if not line.startswith("#")]
 
 
 def _trajectory(rows: list[Row]) -> Trajectory:
@@ -226,8 +237,7 @@ def _quoted(text: str) -> str:
 
 
 def _track(output: Output, about: About) -> Writer:
-    del about
-    track = TumWriter(output)
+    track = TumWriter(output, about.caveat)
     return Writer(track.write, track.close)
 
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from mclcli.native.backend import Backend
     from mclcli.records import StepRecord, TrackPoint, Transform
 
-Role = Literal["trace", "track", "steps"]
+Role = Literal["trace", "track", "steps", "smoothed"]
 
 OUTPUTS: dict[Role, dict[str, str]] = {
     "trace": {
@@ -28,6 +28,11 @@ OUTPUTS: dict[Role, dict[str, str]] = {
     },
     "track": {".csv": "mclcli.io.traces.track_csv:TRACK", ".tum": "mclcli.io.tables.tum:TRACK"},
     "steps": {".csv": "mclcli.io.traces.trace_csv:STEPS"},
+    "smoothed": {
+        ".csv": "mclcli.io.traces.track_csv:TRACK",
+        ".tum": "mclcli.io.tables.tum:TRACK",
+        ".mcap": "mclcli.io.traces.trace_mcap:TRACE",
+    },
 }
 """Where the ``Format`` of each ending stands, as ``module:name``; the first is that of names without an ending."""
 
@@ -38,6 +43,7 @@ class About:
     """What is known of a run before it begins; a format takes what it has a place for.
 
     ``metadata`` is what it takes to make the same output again, ``parameters_yaml`` makes the file of its parameters.
+    ``caveat`` is what whoever reads the output has to know, in one line.
     """
 
     metadata: Mapping[str, object]
@@ -49,6 +55,7 @@ class About:
     map_frame: str
     static_transforms: Sequence[Transform]
     backend: Backend
+    caveat: str = ""
 
 
 @final

@@ -107,6 +107,9 @@ class TraceMcap:
             batch.append(("/scan", messages.laser_scan(point.scan)))
         if point.step is not None:
             batch += self._step(point.step)
+        elif point.measured:
+            require_finite("covariance", point.estimate.covariance)
+            batch.append(("/amcl_pose", messages.pose_with_covariance(stamp, self._map, point.estimate)))
         self._file.add(stamp, batch)
 
     def close(self) -> None:
