@@ -20,7 +20,6 @@ _ARM = 0.3  # [m]: what an angle is worth where a curvature is said to be flat
 _TILE = 2.0  # [m]
 _LAGS = 60
 _LEAST_LAG = 4
-_ENOUGH_SCANS = 2000  # for a mean over scans
 _FEW_HITS = 30.0  # in a tile whose misfit counts
 MOST_TAU = 13.0
 _MOST_MISFIT, _LEAST_LIMIT = 0.12, 0.004  # cells, [m]
@@ -95,11 +94,9 @@ def godambe(known: Scores) -> float:
 
     Sources: Pauli, Racugno and Ventura 2011 (α of a composite likelihood); Newey and West 1987 (the sum over lags).
     """
-    sharp = np.flatnonzero(known.sharp)
-    if not sharp.size:
+    s, h = known.scores[known.sharp], known.curvatures[known.sharp]
+    if not len(s):
         return 0.5
-    sharp = sharp[:: -(-sharp.size // _ENOUGH_SCANS)]
-    s, h = known.scores[sharp], known.curvatures[sharp]
     lags = max(_LEAST_LAG, s.shape[1] // 6)
     total = np.einsum("nki,nkj->nij", s, s)
     for lag in range(1, min(lags, s.shape[1] - 1) + 1):

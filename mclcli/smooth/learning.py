@@ -24,15 +24,16 @@ if TYPE_CHECKING:
     from mclcli.smooth.scans import Drive, Residuals
     from mclcli.smooth.surface import Surface
 
-_ROUNDS, _STEPS = 10, 8
+_ROUNDS, _STEPS = 8, 8
 _BLURRED = (0.3, 0.2, 0.1)  # [m] least σ of the first rounds
-_LOOKED_ASIDE = (4, 6, 8)  # rounds
+_LOOKED_ASIDE = (4, 6)  # rounds
 _JUMPS = Jumps(0.001, 10.0)
 _LEAST_SIGMA, _MOST_SIGMA = 0.24, 0.5  # cells (that of their quantisation is 0.29), [m]
 _MOST_Z = 0.99
 _FIRST, _FIRST_ALPHA = Law(0.1, 0.9), 0.5
 _TRUSTED, _LEAST_TRUST = 0.6, 0.05
 _EM_STEPS = 10  # of σ and z in a round, which begins where the last one ended
+_TOLD = 2000  # scans that tell α, which is a mean over them
 _FEW_INCREMENTS = 10
 _ENOUGH = 0.003  # nats a scan: a step that gains less ends a round
 _APART = 1e4  # [m², rad²] of poses that do not follow each other
@@ -59,6 +60,7 @@ def learn(drive: Drive, start: FloatArray, surface: Surface) -> Learned:
     """From a drive whose scans are some way apart, near poses ``start`` (n, 3)."""
     poses, law, drift, alpha = start, _FIRST, Drift(), _FIRST_ALPHA
     trusted, enough = np.ones(len(poses)), _ENOUGH * len(poses)
+    told = np.arange(0, len(poses), -(-len(poses) // _TOLD))
     for turn in range(_ROUNDS):
         blurred = turn < len(_BLURRED)
         seen = dataclasses.replace(law, sigma=max(law.sigma, _BLURRED[turn])) if blurred else law
@@ -78,8 +80,8 @@ def learn(drive: Drive, start: FloatArray, surface: Surface) -> Learned:
         if turn and used.sum() >= _FEW_INCREMENTS:
             covariances, crossed = (part[0] for part in found.joint_covariances())
             drift = noise.fit(poses, covariances, crossed, drive.increments, drift, used)
-        scores = evidence.scores_of(residuals, seen.sigma)
-        alpha = evidence.godambe(scores)
+        alpha = evidence.godambe(evidence.scores_of(residuals.some(told), seen.sigma))
+    scores = evidence.scores_of(residuals, seen.sigma)
     weighed = evidence.weigh(scores, residuals, evidence.tiles_of(factors, poses), alpha, surface.field.resolution)
     return Learned(poses, law, drift, weighed.alpha, weighed)
 

@@ -88,15 +88,27 @@ class Law:
 
 
 class Residuals(NamedTuple):
-    """What n scans of K beams are at one pose each: all (n, K) but ``jacobians`` (n, K, 3); 0 where there is no beam.
+    """What n scans of K beams are at one pose each: all (n, K), and 0 where there is no beam.
 
-    ``distances`` [m] to the nearest wall, their derivatives by the pose and ``along`` the beam; ``shares`` ρ.
+    ``distances`` [m] to the nearest wall, their derivatives by x, y and yaw of the pose and ``along`` the beam;
+    ``shares`` ρ.
     """
 
     distances: FloatArray
-    jacobians: FloatArray
+    by_x: FloatArray
+    by_y: FloatArray
+    by_yaw: FloatArray
     along: FloatArray
     shares: FloatArray
+
+    @property
+    def jacobians(self) -> FloatArray:
+        """Derivatives (n, K, 3) by the pose."""
+        return np.stack([self.by_x, self.by_y, self.by_yaw], axis=-1)
+
+    def some(self, chosen: IntArray) -> Residuals:
+        """Those of some of the scans."""
+        return Residuals(*(column[chosen] for column in self))
 
 
 @final
@@ -127,7 +139,7 @@ class ScanFactors:
                 costs[chain, block] = alpha * self._costs(found.distances, block)
                 weights = found.shares * (alpha / variance)[:, np.newaxis]
                 pulled = weights * found.distances
-                columns = [np.ascontiguousarray(found.jacobians[..., i]) for i in range(3)]
+                columns = (found.by_x, found.by_y, found.by_yaw)
                 for i in range(3):
                     gradients[chain, block, i] = (pulled * columns[i]).sum(axis=1)
                     weighted = weights * columns[i]
@@ -176,11 +188,11 @@ class ScanFactors:
         x, y = ends[..., 0] + self.law.offset * ahead_x, ends[..., 1] + self.law.offset * ahead_y
         turned_x, turned_y = c * x - s * y, s * x + c * y
         looked = self.surface.look(poses[:, :1] + turned_x, poses[:, 1:2] + turned_y)
-        by_x, by_y = looked.slope_x * real, looked.slope_y * real
-        along = by_x * (c * ahead_x - s * ahead_y) + by_y * (s * ahead_x + c * ahead_y)
-        jacobians = np.stack([by_x, by_y, by_y * turned_x - by_x * turned_y], axis=-1)
+        along = looked.slope_x * (c * ahead_x - s * ahead_y) + looked.slope_y * (s * ahead_x + c * ahead_y)
+        by_yaw = looked.slope_y * turned_x - looked.slope_x * turned_y
         hit, other = self._parts(looked.distance)
-        return Residuals(looked.distance * real, jacobians, along, hit / (hit + other) * real)
+        found = Residuals(looked.distance, looked.slope_x, looked.slope_y, by_yaw, along, hit / (hit + other))
+        return found if real.all() else Residuals(*(column * real for column in found))
 
     def _costs(self, distances: FloatArray, block: slice) -> FloatArray:
         hit, other = self._parts(distances)
