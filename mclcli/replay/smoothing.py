@@ -151,7 +151,7 @@ class Smoothing:
         assert isinstance(instrument, Lidar)  # noqa: S101 - the intake asked it whether it can use the scan
         assert isinstance(reading, LaserScan)  # noqa: S101 - see _note
         selection = dataclasses.replace(
-            instrument.selection, max_range="skip", short_range="skip", beam_origin="sensor"
+            instrument.selection, max_range="skip", short_range="skip", beam_origin="sensor", range_offset=0.0
         )
         sweep = sweep_of(self._setup, self._intake.path, reading, now)
         mount = observation.base_from_sensor

@@ -45,7 +45,8 @@ def join(parts: Sequence[tuple[Beams, FloatArray]]) -> Beams:
     ranges = np.concatenate([beams.ranges for beams, _ in parts])
     ends = origins + ranges[:, np.newaxis] * directions
     order = np.argsort(np.arctan2(ends[:, 1], ends[:, 0]), kind="stable")
-    return Beams(origins[order], directions[order], ranges[order], max(beams.r_max for beams, _ in parts))
+    furthest, offset = max(beams.r_max for beams, _ in parts), parts[0][0].offset
+    return Beams(origins[order], directions[order], ranges[order], furthest, offset=offset)
 
 
 def _moved(points: FloatArray, pose: Sequence[float] | FloatArray) -> FloatArray:

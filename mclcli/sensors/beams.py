@@ -72,6 +72,14 @@ class BeamSelection:
         "beams start at the lidar, or at the base, as straight lines to where they end",
         choices=get_args(BeamOrigin),
     )
+    range_offset: float = parameter(
+        0.0,
+        "added to a range for where its beam ends, by models that look at ends alone: how far walls' faces are before "
+        "the centres of their cells; `mcl smooth` tells it",
+        unit="m",
+        low=-1.0,
+        high=1.0,
+    )
     range_of_rand: RangeOfRand = parameter(
         "smaller",
         "z_rand is spread over the smaller maximum range, or over laser_max_range whatever the scan says",
@@ -95,7 +103,8 @@ class Beams:
     ``origins`` (B, 2) [m] and ``directions`` (B, 2) in the base frame: beam i of range r ends at
     ``origins + r·directions`` on the ground plane (a tilted lidar's directions are shorter than 1).
     ``ranges`` (B,) [m]; ``r_max`` [m] the range from which on nothing was seen. ``indices`` (B,) are the beams' numbers
-    in the scan; ``slots`` how many beams there would be if none were invalid.
+    in the scan; ``slots`` how many beams there would be if none were invalid. ``offset`` [m] lies between what was
+    measured and where a beam ends on the map.
     """
 
     origins: FloatArray
@@ -104,11 +113,13 @@ class Beams:
     r_max: float
     indices: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     slots: int = 0
+    offset: float = 0.0
 
     @property
     def endpoints(self) -> FloatArray:
         """Endpoints (B, 2) [m] in the base frame."""
-        return self.origins + self.ranges[:, np.newaxis] * self.directions
+        ranges = self.ranges + self.offset if self.offset else self.ranges
+        return self.origins + ranges[:, np.newaxis] * self.directions
 
     def with_return(self) -> Beams:
         """The beams that end somewhere."""
@@ -185,7 +196,7 @@ def select(
     if sweep is not None:
         origins, directions = _swept(origins, directions, sweep(chosen))
     spread = selection.laser_max_range if selection.range_of_rand == "parameter" else r_max
-    beams = Beams(origins, directions, ranges[chosen], spread, chosen, slots)
+    beams = Beams(origins, directions, ranges[chosen], spread, chosen, slots, selection.range_offset)
     return _from_base(beams) if selection.beam_origin == "base" else beams
 
 
@@ -202,7 +213,7 @@ def _swept(origins: FloatArray, directions: FloatArray, bases: FloatArray) -> tu
 def _from_base(beams: Beams) -> Beams:
     """Virtual beams from the base to where the real ones end, as Beluga's beam model takes them."""
     nothing = np.isinf(beams.ranges)
-    ends = replace(beams, ranges=np.where(nothing, FARTHEST, beams.ranges)).endpoints
+    ends = replace(beams, ranges=np.where(nothing, FARTHEST, beams.ranges), offset=0.0).endpoints
     ranges = np.hypot(ends[:, 0], ends[:, 1])
     directions = ends / np.maximum(ranges, np.finfo(np.float64).tiny)[:, np.newaxis]
     return replace(beams, origins=np.zeros_like(ends), directions=directions, ranges=np.where(nothing, np.inf, ranges))

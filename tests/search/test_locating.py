@@ -150,6 +150,28 @@ def test_a_window_joins_scans_by_odometry() -> None:
     assert joined.modes[0].share > max(0.9, alone.modes[0].share - 1e-6)
 
 
+def test_an_offset_makes_up_for_short_ranges_in_windows_too() -> None:
+    """Ranges that are 20 cm short of every wall: with the offset all beams fit, and nothing else is different."""
+    grid, path = hall(), [(1.3, 1.1, 0.7), (1.6, 1.3, 1.0)]
+    seen = seen_from(grid, *path)
+    short = [
+        dataclasses.replace(o, reading=dataclasses.replace(o.reading, ranges=o.reading.ranges - 0.2))
+        for o in seen
+        if isinstance(o.reading, LaserScan)
+    ]
+    settings = profiles.build({"range_offset": 0.2})
+    plain, mended, without = (
+        finder.find(scans, 1)
+        for finder, scans in ((finder_for(grid), seen), (finder_for(grid, settings), short), (finder_for(grid), short))
+    )
+    assert plain is not None
+    assert mended is not None
+    assert without is not None
+    np.testing.assert_allclose(mended.modes[0].pose, plain.modes[0].pose, atol=1e-6)
+    assert mended.modes[0].log_likelihood == pytest.approx(plain.modes[0].log_likelihood, abs=1e-6)
+    assert without.modes[0].log_likelihood < plain.modes[0].log_likelihood - 5.0
+
+
 def test_landmarks_tell_twins_apart() -> None:
     grid = hall(twin=True)
     marks = Landmarks(("a", "b"), np.array([[2.0, 1.5, 0.0], [8.5, 1.0, 0.0]]))

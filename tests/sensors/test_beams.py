@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TYPE_CHECKING, get_args
 
@@ -219,3 +220,21 @@ def test_beams_of_a_sweep_are_each_seen_from_a_base_of_its_own() -> None:
         end = se2.compose(base, [*still.endpoints[i], 0.0])[:2]
         np.testing.assert_allclose(swept.endpoints[i], end, atol=1e-12)
         np.testing.assert_allclose(swept.origins[i], se2.compose(base, [*still.origins[i], 0.0])[:2], atol=1e-12)
+
+
+@pytest.mark.parametrize("origin", ["sensor", "base"])
+def test_an_offset_moves_where_beams_end_and_not_what_was_measured(origin: BeamOrigin) -> None:
+    """Along the beam, by so much; models that cast rays see the same ranges."""
+    scan, mount = scan_of([2.0, 3.0, INF], range_max=8.0), se3.from_planar([0.3, -0.1, 0.4])
+    plain = BeamSelection(max_beams=0, max_range="as_read", beam_origin=origin)
+    without, moved = (select(scan, mount, p) for p in (plain, dataclasses.replace(plain, range_offset=0.03)))
+    np.testing.assert_array_equal(moved.ranges, without.ranges)
+    apart = moved.with_return().endpoints - without.with_return().endpoints
+    np.testing.assert_allclose(apart, 0.03 * without.with_return().directions, atol=1e-12)
+    kept = moved.with_return().subset(np.array([False, True]))
+    np.testing.assert_array_equal(kept.endpoints, moved.endpoints[1:2])
+
+
+def test_without_an_offset_ends_are_to_the_bit_as_ever() -> None:
+    chosen = select(scan_of([1.1, 2.3]), np.eye(4), ALL)
+    np.testing.assert_array_equal(chosen.endpoints, chosen.origins + chosen.ranges[:, np.newaxis] * chosen.directions)
