@@ -26,6 +26,8 @@ from tests.cli.support import (
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from tests.cli.conftest import Runner
+
 START = ("--init", "/initialpose", "--particles", "500")
 TRUTH = SAMPLES / "office.truth.tum"
 
@@ -81,7 +83,21 @@ def test_the_summary_names_costs_what_was_learned_and_the_verdict(made: Path) ->
     for part in ("smoothed 9", "stated uncertainty", "cost left: scans", "of noise in a metre", "beams: σ 1"):
         assert part in said, said
     assert "\nmcl: a pseudo reference, if the map is right" in said
-    assert "lost" not in said.replace("reliability", "")
+    assert "\nmcl: the filter is nearer to it with --set obstacles=boundary --set range_offset=30mm\n" in said
+    assert "lost" not in said
+
+
+def test_the_filter_is_nearer_with_the_offset_that_is_told(
+    made: Path, run_short: Runner, short_track: bytes, tmp_path: Path
+) -> None:
+    words = ("--set", "obstacles=boundary", "--set", "range_offset=30mm", "--track", tmp_path / "t.csv")
+    assert run_short(*words).code == 0
+    (tmp_path / "before.csv").write_bytes(short_track)
+    apart = [
+        error_against(Table((tmp_path / name).read_text(encoding="utf-8")), made / "t.tum")
+        for name in ("before.csv", "t.csv")
+    ]
+    assert apart[1] < apart[0]
 
 
 def test_the_picture_shows_the_track(made: Path) -> None:

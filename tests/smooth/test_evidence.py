@@ -77,7 +77,8 @@ def test_misfit_is_the_mean_by_tile_with_its_sign() -> None:
     """Beams 3 cm behind their walls in one tile, 1 cm before them in another, and both ways in a third."""
     distances = np.tile([0.03, 0.01, 0.02], (100, 1)).astype(np.float64)
     along = np.tile([0.8, -0.5, 1.0], (100, 1)) * np.where(np.arange(100) % 2 == 0, 1.0, [[1.0], [1.0], [-1.0]]).T
-    found = Residuals(distances, *np.zeros((3, 100, 3)), along, np.ones((100, 3)))
+    flat = np.zeros((100, 3))
+    found = Residuals(distances, flat, flat, flat, along, np.ones((100, 3)))
     tiles = np.tile([1, 2, 3], (100, 1))
     assert evidence.misfit(found, tiles) == pytest.approx(np.sqrt((0.03**2 + 0.01**2) / 3.0))
     assert evidence.misfit(found, np.full((100, 3), -1)) == 0.0

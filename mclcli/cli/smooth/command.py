@@ -53,7 +53,7 @@ def command(options: SmoothOptions) -> ExitCode:
     if ready.told is not None:
         ready.told.tell()
     findings = references.findings(outputs.track)
-    run_report.show([*lines_of(findings), report.verdict(found)], report_of(findings))
+    run_report.show([*lines_of(findings), *report.verdict(found)], report_of(findings))
     if options.as_json:
         click.echo(json.dumps(report.facts(found), indent=2))
     if options.run.picture:

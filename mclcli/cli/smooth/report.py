@@ -25,6 +25,7 @@ _PSEUDO = (
     "a pseudo reference of mcl smooth, made from the log and its map: as right as the map, and blind to rooms that are "
     "drawn in a wrong place as a whole"
 )
+_WORTH_SAYING = 5  # [mm]
 _MUCH = 0.02  # of the way: a track that is lost for longer is doubtful as a whole
 
 
@@ -114,13 +115,17 @@ def _odometry(drift: Drift) -> str:
     return f"{1e3 * along:.0f} mm and {yaw:.2f}° of noise in a metre; what it says is off by {off}"
 
 
-def verdict(found: Smoothed) -> str:
-    """Whether the track may serve as a reference, and why not."""
+def verdict(found: Smoothed) -> list[str]:
+    """Whether the track may serve as a reference, and why not; and what the filter may learn from it."""
     told, evidence = reasons(found), found.best.learned.evidence
     if told:
-        return f"no reference: {'; '.join(told)}"
+        return [f"no reference: {'; '.join(told)}"]
     errors = f"τ₁ {evidence.tau:.1f}, at most {MOST_TAU:g}; walls {1e3 * evidence.misfit:.1f} mm from the map's"
-    return f"a pseudo reference, if the map is right: {errors}; rooms drawn in a wrong place as a whole are not seen"
+    lines = [f"a pseudo reference, if the map is right: {errors}; rooms drawn in a wrong place as a whole are not seen"]
+    offset = round(1e3 * found.best.learned.law.offset)
+    if abs(offset) >= _WORTH_SAYING:
+        lines.append(f"the filter is nearer to it with --set obstacles=boundary --set range_offset={offset}mm")
+    return lines
 
 
 def _losses(stretches: Sequence[Stretch], scans: int, first_ns: int) -> list[str]:
