@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry import se2
-from mclcli.smooth import chain, learning, noise
+from mclcli.smooth import chain, learning, map_errors, noise
 from mclcli.smooth.learning import trust
 from mclcli.smooth.scans import ScanFactors
 
@@ -62,9 +62,12 @@ def smooth(drive: Drive, start: FloatArray, surface: Surface) -> BestTrack:
         trusted = ScanFactors(surface, drive.scans, learned.law, factors.alphas * trust(factors.explained(poses)))
         found = chain.minimise(poses[np.newaxis], trusted, between, steps=_STEPS, enough=enough)
         poses = found.poses[0]
+    covariances = found.covariances()[0] + _of_sweeps(drive, poses, learned)
+    if learned.evidence.doubtful:
+        covariances += map_errors.covariances(factors, poses, learned.evidence.misfit)
     return BestTrack(
         poses,
-        found.covariances()[0] + _of_sweeps(drive, poses, learned),
+        covariances,
         factors.reliability(poses),
         found.unary_costs[0] - trusted.least_costs(),
         found.odometry_costs[0],

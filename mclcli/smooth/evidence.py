@@ -61,6 +61,11 @@ class Evidence:
         return self.misfit > self.limit
 
     @property
+    def doubtful(self) -> bool:
+        """Whether the map looks wrong."""
+        return self.repeated or self.misfitting
+
+    @property
     def scarce(self) -> bool:
         """Whether there are too few scans to tell."""
         return self.scans < FEW_SCANS
@@ -68,8 +73,7 @@ class Evidence:
     @property
     def alpha(self) -> float:
         """Temperature of a scan: that of its beams, over a wrong map that of scans that repeat each other as well."""
-        doubtful = self.repeated or self.misfitting
-        return min(self.godambe, 1.0 / max(self.tau, 1.0)) if doubtful else self.godambe
+        return min(self.godambe, 1.0 / max(self.tau, 1.0)) if self.doubtful else self.godambe
 
 
 def weigh(scores: Scores, found: Residuals, tiles: IntArray, alpha: float, resolution: float) -> Evidence:
