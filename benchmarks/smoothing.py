@@ -254,7 +254,8 @@ def long(times: int) -> None:
     ends, directions = (np.tile(a, (times, 1, 1)) for a in (one.scans.ends, one.scans.directions))
     scans = Scans(ends, directions, np.tile(one.scans.counts, times), one.scans.r_max)
     breaks = np.tile(one.breaks, times)
-    drive = Drive(scans, np.tile(one.odometry, (times, 1)), breaks, np.tile(one.sweeps, (times, 1)))
+    odometry, twists, sweeps = (np.tile(a, (times, 1)) for a in (one.odometry, one.twists, one.sweeps))
+    drive = Drive(scans, odometry, breaks, twists, sweeps)
     surface = Surface.of(distance_field.compute(drives.grid, "exact", 2.0, boundary_only=True))
     shaken = np.tile(start, (times, 1)) + np.random.default_rng(0).normal(0.0, [0.02, 0.02, 0.005], (n * times, 3))
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from mclcli.arrays import FloatArray
+    from mclcli.arrays import BoolArray, FloatArray, IntArray
     from mclcli.replay.intake import Setup
     from mclcli.sensors.observation import Observation
     from mclcli.smooth.best_track import BestTrack
@@ -119,7 +119,7 @@ class Smoothing:
             raise InputError("no scan to smooth: the filter stated no pose")
         breaks = np.concatenate([[True], np.diff(np.array(self._segments)) != 0])
         odometry, sweeps = (np.array([getattr(one, name) for one in self._seen]) for name in ("odometry", "sweep"))
-        return Drive(self._scans(), odometry, breaks, sweeps)
+        return Drive(self._scans(), odometry, breaks, _twists(odometry, np.array(self._stamps), breaks), sweeps)
 
     def _scans(self) -> Scans:
         counts = np.array([len(one.ends) for one in self._seen], np.int64)
@@ -161,6 +161,18 @@ class Smoothing:
         self._r_max = max(self._r_max, chosen.r_max)
         middle = np.zeros(3) if sweep is None else sweep(np.array([reading.ranges.size // 2]))[0]
         return chosen.endpoints.astype(np.float32), chosen.directions.astype(np.float32), middle
+
+
+def _twists(odometry: FloatArray, stamps_ns: IntArray, breaks: BoolArray) -> FloatArray:
+    """Velocities (n, 3) at every scan, from the odometry (n, 3) at its neighbours; 0 of a scan without one."""
+    n = len(odometry)
+    before = np.maximum(np.arange(n) - 1, 0)
+    after = np.minimum(np.arange(n) + 1, n - 1)
+    before = np.where(breaks, np.arange(n), before)
+    after = np.where(breaks[after], np.arange(n), after)
+    seconds = (stamps_ns[after] - stamps_ns[before]) * 1e-9
+    moved = se2.between(odometry[before], odometry[after])
+    return moved / np.where(seconds > 0.0, seconds, 1.0)[:, np.newaxis] * (seconds > 0.0)[:, np.newaxis]
 
 
 @final

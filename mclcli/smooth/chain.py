@@ -81,6 +81,10 @@ class Smoothed:
         """Marginal covariances (m, n, 3, 3) of the poses."""
         return self._factor.marginals()[0]
 
+    def solve(self, right: FloatArray) -> FloatArray:
+        """What the normal equations make of a right side (m, n, 3)."""
+        return self._factor.solve(right)
+
     def joint_covariances(self) -> tuple[FloatArray, FloatArray]:
         """Marginal covariances (m, n, 3, 3), and those (m, n − 1, 3, 3) of every pose (rows) and the next one."""
         return self._factor.marginals()

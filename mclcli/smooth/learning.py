@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, final
 
 import numpy as np
 
-from mclcli.smooth import aside, chain, evidence, noise
+from mclcli.smooth import aside, chain, evidence, mounting, noise
 from mclcli.smooth.noise import Drift
 from mclcli.smooth.odometry import Jumps, Odometry
 from mclcli.smooth.scans import Law, ScanFactors
@@ -21,6 +21,7 @@ from mclcli.smooth.scans import Law, ScanFactors
 if TYPE_CHECKING:
     from mclcli.arrays import BoolArray, FloatArray
     from mclcli.smooth.evidence import Evidence
+    from mclcli.smooth.mounting import Mounting
     from mclcli.smooth.scans import Drive, Residuals
     from mclcli.smooth.surface import Surface
 
@@ -46,7 +47,8 @@ _OFFSET_PRIOR = 1.0 / 0.05**2  # [1/m²]
 class Learned:
     """What a drive says of its robot: ``law`` of its beams, ``drift`` of its odometry, ``alpha`` of its scans.
 
-    ``poses`` (n, 3) are those of the scans it was learned from, ``evidence`` says whether the map is right.
+    ``poses`` (n, 3) are those of the scans it was learned from, ``evidence`` says whether the map is right,
+    ``mounting`` whether the lidar is where it is said to be.
     """
 
     poses: FloatArray
@@ -54,6 +56,7 @@ class Learned:
     drift: Drift
     alpha: float
     evidence: Evidence
+    mounting: Mounting
 
 
 def learn(drive: Drive, start: FloatArray, surface: Surface) -> Learned:
@@ -83,7 +86,7 @@ def learn(drive: Drive, start: FloatArray, surface: Surface) -> Learned:
         alpha = evidence.godambe(evidence.scores_of(residuals.some(told), seen.sigma))
     scores = evidence.scores_of(residuals, seen.sigma)
     weighed = evidence.weigh(scores, residuals, evidence.tiles_of(factors, poses), alpha, surface.field.resolution)
-    return Learned(poses, law, drift, weighed.alpha, weighed)
+    return Learned(poses, law, drift, weighed.alpha, weighed, mounting.estimate(found, factors, residuals, drive))
 
 
 def joined(drive: Drive, drift: Drift, jumps: Jumps | None = _JUMPS) -> Odometry:

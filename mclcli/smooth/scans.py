@@ -59,17 +59,25 @@ class Scans:
 class Drive:
     """n scans in order, with the odometry (n, 3) at each, and which of them (n,) do not follow the one before.
 
+    ``twists`` (n, 3) are its velocity there, in the frame of the base [m/s, m/s, rad/s].
     ``sweeps`` (n, 3) lead from the base at a scan's stamp to where odometry has it at the middle of the scan.
     """
 
     scans: Scans
     odometry: FloatArray
     breaks: BoolArray
+    twists: FloatArray
     sweeps: FloatArray
 
     def some(self, chosen: IntArray) -> Drive:
         """Some of the scans."""
-        return Drive(self.scans.some(chosen), self.odometry[chosen], self.breaks[chosen], self.sweeps[chosen])
+        return Drive(
+            self.scans.some(chosen),
+            self.odometry[chosen],
+            self.breaks[chosen],
+            self.twists[chosen],
+            self.sweeps[chosen],
+        )
 
     @property
     def increments(self) -> FloatArray:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import functools
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 from mclcli.errors import InputError
-from mclcli.geometry import se2
+from mclcli.geometry import se2, se3
 from mclcli.replay.loop import replay
 from mclcli.replay.smoothing import Smoothed, Smoothing
 from mclcli.settings import profiles
@@ -33,9 +33,9 @@ def driven(sweep: float = 0.0) -> Recording:
     return simulate(Scenario(name="office", mapped=floor, tours=tour, lidar=lidar, drive=Drive(turn=1.6), seed=71))
 
 
-def smoothed(recording: Recording, grid: OccupancyGrid | None = None, *, deskew: bool = False) -> Smoothed:
+def smoothed(recording: Recording, grid: OccupancyGrid | None = None, **changes: Any) -> Smoothed:
     settings = profiles.build({"hypotheses": 0, "particles": 1000})
-    setup = memory.setup(recording, settings, seed=1, alpha="auto", deskew=deskew)
+    setup = memory.setup(recording, settings, seed=1, alpha="auto", **changes)
     smoothing = Smoothing(setup)
     for point in replay(smoothing.passing(memory.events(recording)), setup):
         smoothing.take(point)
@@ -107,6 +107,18 @@ def test_odometry_within_a_scan_makes_its_stamp_less_sure() -> None:
     assert rmse(wrong) < 0.012
     assert inside(wrong, found.best.covariances) > 0.88
     assert found.best.covariances[:, 2, 2].mean() > smoothed(driven()).best.covariances[:, 2, 2].mean()
+
+
+def test_clock_and_mount_are_told_where_they_are_off_and_nowhere_else() -> None:
+    right = smoothed(driven()).best.learned.mounting
+    assert not right.is_late
+    assert not right.is_moved
+    late = smoothed(driven(), scan_offset_ns=-60_000_000).best.learned.mounting
+    assert late.is_late
+    assert late.late[0] == pytest.approx(0.06, abs=0.03)
+    moved = smoothed(driven(), mounts={"": se3.from_planar([0.05, 0.0, 0.0])}).best.learned.mounting
+    assert moved.is_moved
+    assert moved.ahead[0] == pytest.approx(0.05, abs=0.02)
 
 
 def test_points_are_measured_and_keep_the_logs_odometry() -> None:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from mclcli.replay.smoothing import Smoothed
+    from mclcli.smooth.mounting import Mounting
     from mclcli.smooth.noise import Drift
     from mclcli.smooth.scans import Law
 
@@ -70,8 +71,21 @@ def reasons(found: Smoothed) -> list[str]:
     if evidence.misfitting:
         off, most = 1e3 * evidence.misfit, 1e3 * evidence.limit
         told.append(f"walls are {off:.0f} mm from where the map has them, piece by piece of 2 m (> {most:.0f} mm)")
+    told += _mounting(found.best.learned.mounting)
     if is_doubtful(found):
         told.append(f"the map does not explain {100 * lost_share(found):.0f} % of the way")
+    return told
+
+
+def _mounting(mounting: Mounting) -> list[str]:
+    """What the log says of the lidar's clock and place, where they are not as stated."""
+    (late, later), (ahead, further), (left, wider) = mounting.late, mounting.ahead, mounting.left
+    told = []
+    if mounting.is_late:
+        told.append(f"scans fit better {1e3 * late:+.0f} ms from their stamps (± {1e3 * later:.0f} ms; --scan-offset)")
+    if mounting.is_moved:
+        by = f"{1e3 * ahead:+.0f} ± {1e3 * further:.0f} mm ahead and {1e3 * left:+.0f} ± {1e3 * wider:.0f} mm left"
+        told.append(f"the lidar fits better {by} of where it is said to sit (--mount)")
     return told
 
 
@@ -169,6 +183,7 @@ def facts(found: Smoothed) -> dict[str, object]:
             "turn": drift.turn,
             "pull": drift.pull,
         },
+        "mounting": {"late": learned.mounting.late, "ahead": learned.mounting.ahead, "left": learned.mounting.left},
         "evidence": {"godambe": evidence.godambe, "tau": evidence.tau, "misfit": evidence.misfit},
         "lost": lost,
         "lost_share": lost_share(found),
