@@ -46,7 +46,7 @@ _HEAD = (
 )
 _LOG_HEAD = (
     "| log | scans | filter, RMSE [m], [°] | smoothed, RMSE [m] (worst), [°] | lost | σ [mm] | offset [mm] | "
-    "τ₁ | misfit [mm] | time [s] |\n|---|---|---|---|---|---|---|---|---|---|"
+    "τ₁ | misfit [mm] | late [ms] | ahead [mm] | time [s] |\n|---|---|---|---|---|---|---|---|---|---|---|---|"
 )
 _INSIDE = 5.991  # 95 % quantile of χ² with two degrees of freedom
 _GAP_NS = 400_000_000
@@ -166,15 +166,18 @@ def wrong(seeds: range) -> None:
 
 
 def _row(name: str, several: list[Drives]) -> None:
-    before, after, evidence = [], [], []
+    before, after, evidence, mountings = [], [], [], []
     for drives in several:
         found, covariances, _ = smoothed(drives)
         before.append(figures(drives, found, found.filtered, covariances))
         after.append(figures(drives, found, found.best.poses, found.best.covariances))
         evidence.append(found.best.learned.evidence)
+        mountings.append(found.best.learned.mounting)
     f, s = np.array(before), np.array(after)
     taus, misfits = [e.tau for e in evidence], [1e3 * e.misfit for e in evidence]
-    called = sum(not (e.repeated or e.misfitting or e.scarce) for e in evidence)
+    called = sum(
+        not (e.doubtful or e.scarce or m.is_late or m.is_moved) for e, m in zip(evidence, mountings, strict=True)
+    )
     print(
         f"| {name}: {len(several)} | {np.median(f[:, 0]):.3f} | {np.median(s[:, 0]):.4f} ({s[:, 0].max():.4f}) | "
         f"{np.degrees(np.median(s[:, 2])):.2f} | {s[:, 3].mean():.2f} ({s[:, 3].min():.2f} to {s[:, 3].max():.2f}) | "
@@ -216,9 +219,14 @@ def logs(seeds: range, data: Path) -> None:
             f"| {name} | {len(found.best.poses)} | {np.median(f[:, 0]):.3f}, {np.degrees(np.median(f[:, 2])):.2f} | "
             f"{np.median(s[:, 0]):.4f} ({s[:, 0].max():.4f}), {np.degrees(np.median(s[:, 2])):.2f} | "
             f"{100 * lost:.0f} % | {1e3 * learned.law.sigma:.0f} | {1e3 * learned.law.offset:+.0f} | "
-            f"{evidence.tau:.0f} | {1e3 * evidence.misfit:.1f} | {seconds:.1f} |",
+            f"{evidence.tau:.0f} | {1e3 * evidence.misfit:.1f} | {_milli(learned.mounting.late)} | "
+            f"{_milli(learned.mounting.ahead)} | {seconds:.1f} |",
             flush=True,
         )
+
+
+def _milli(value: tuple[float, float]) -> str:
+    return f"{1e3 * value[0]:+.0f} ± {1e3 * value[1]:.0f}"
 
 
 def lost(seeds: range) -> None:

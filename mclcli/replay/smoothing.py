@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     FieldMaker = Callable[..., DistanceField]
 
 _MAX_DIST = 2.0  # [m]
+_MOST_BEAMS = 60  # of a scan: more see the same cells, and what their errors repeat would pass for knowledge
 
 
 class _Seen(NamedTuple):
@@ -150,8 +151,14 @@ class Smoothing:
         instrument, reading = self._setup.instruments[observation.topic], observation.reading
         assert isinstance(instrument, Lidar)  # noqa: S101 - the intake asked it whether it can use the scan
         assert isinstance(reading, LaserScan)  # noqa: S101 - see _note
+        asked = instrument.selection
         selection = dataclasses.replace(
-            instrument.selection, max_range="skip", short_range="skip", beam_origin="sensor", range_offset=0.0
+            asked,
+            max_beams=min(asked.max_beams or _MOST_BEAMS, _MOST_BEAMS),
+            max_range="skip",
+            short_range="skip",
+            beam_origin="sensor",
+            range_offset=0.0,
         )
         sweep = sweep_of(self._setup, self._intake.path, reading, now)
         mount = observation.base_from_sensor

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -119,6 +120,17 @@ def test_clock_and_mount_are_told_where_they_are_off_and_nowhere_else() -> None:
     moved = smoothed(driven(), mounts={"": se3.from_planar([0.05, 0.0, 0.0])}).best.learned.mounting
     assert moved.is_moved
     assert moved.ahead[0] == pytest.approx(0.05, abs=0.02)
+
+
+@pytest.mark.parametrize(("asked", "most"), [(0, 60), (200, 60), (12, 12)])
+def test_no_more_beams_are_taken_than_see_different_cells(asked: int, most: int) -> None:
+    setup = memory.setup(
+        driven(), profiles.build({"hypotheses": 0, "max_beams": asked, "particles": 100}), alpha="auto"
+    )
+    smoothing = Smoothing(setup)
+    for point in itertools.islice(replay(smoothing.passing(memory.events(driven())), setup), 5):
+        smoothing.take(point)
+    assert smoothing.drive().scans.counts.max() == most
 
 
 def test_points_are_measured_and_keep_the_logs_odometry() -> None:

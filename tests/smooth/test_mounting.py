@@ -22,7 +22,7 @@ def distances(factors: ScanFactors, off: np.ndarray) -> np.ndarray:
     poses = se2.compose(POSES, se2.exp(TWISTS * delay))
     c, s = np.cos(yaw), np.sin(yaw)
     ends = factors.scans.ends.astype(np.float64) @ np.array([[c, s], [-s, c]]) + [x, y]
-    scans = type(factors.scans)(ends.astype(np.float64), factors.scans.directions, factors.scans.counts, 8.0)  # type: ignore[arg-type]
+    scans = type(factors.scans)(ends, factors.scans.directions, factors.scans.counts, 8.0)
     return ScanFactors(SURFACE, scans, factors.law, factors.alphas).residuals(poses).distances
 
 
@@ -41,7 +41,8 @@ def test_the_step_is_that_of_the_dense_equations() -> None:
         columns.append((distances(factors, step) - distances(factors, -step)) / (2 * h))
     by = np.stack(columns, axis=-1)
     weights = seen.shares * factors.alphas[:, np.newaxis] / LAW.sigma**2
-    joined = linearise(POSES[np.newaxis], odometry, np.linalg.inv(odometry.covariances))
+    information = np.asarray(np.linalg.inv(odometry.covariances), dtype=np.float64)
+    joined = linearise(POSES[np.newaxis], odometry, information)
     whole = np.zeros((16, 16))
     for k in range(4):
         own = slice(3 * k, 3 * k + 3)

@@ -70,7 +70,7 @@ def reasons(found: Smoothed) -> list[str]:
         )
     if evidence.misfitting:
         off, most = 1e3 * evidence.misfit, 1e3 * evidence.limit
-        told.append(f"walls are {off:.0f} mm from where the map has them, piece by piece of 2 m (> {most:.0f} mm)")
+        told.append(f"walls are {off:.1f} mm from where the map has them, piece by piece of 2 m (> {most:.1f} mm)")
     told += _mounting(found.best.learned.mounting)
     if is_doubtful(found):
         told.append(f"the map does not explain {100 * lost_share(found):.0f} % of the way")
