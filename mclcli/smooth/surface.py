@@ -37,7 +37,7 @@ class Surface:
     @staticmethod
     def of(field: DistanceField) -> Surface:
         """Surface of a field without unknown cells."""
-        return Surface(np.pad(field.metres().astype(np.float32), 1, mode="edge"), field)
+        return Surface(np.pad(field.levels.astype(np.float32)[field.codes], 1, mode="edge"), field)
 
     def look(self, x: FloatArray, y: FloatArray) -> Looked:
         """What is at points x, y [m] of the map, arrays of one shape."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import itertools
 from typing import TYPE_CHECKING, Any
@@ -11,6 +12,7 @@ import pytest
 
 from mclcli.errors import InputError
 from mclcli.geometry import se2, se3
+from mclcli.records import NextLog
 from mclcli.replay.loop import replay
 from mclcli.replay.smoothing import Smoothed, Smoothing
 from mclcli.settings import profiles
@@ -120,6 +122,25 @@ def test_clock_and_mount_are_told_where_they_are_off_and_nowhere_else() -> None:
     moved = smoothed(driven(), mounts={"": se3.from_planar([0.05, 0.0, 0.0])}).best.learned.mounting
     assert moved.is_moved
     assert moved.ahead[0] == pytest.approx(0.05, abs=0.02)
+
+
+def test_what_does_not_follow_is_smoothed_by_itself() -> None:
+    """The same drive as a second log, an hour later: the robot is back at the start, and no odometry says how."""
+    events, hour = memory.events(driven()), 3600 * 10**9
+    later = [
+        (topic, dataclasses.replace(record, stamp_ns=record.stamp_ns + hour))  # type: ignore[type-var, attr-defined]
+        for topic, record in events
+    ]
+    setup = memory.setup(driven(), profiles.build({"hypotheses": 0, "particles": 1000}), seed=1, alpha="auto")
+    smoothing = Smoothing(setup)
+    for point in replay(smoothing.passing([*events, ("", NextLog("another log")), *later]), setup):
+        smoothing.take(point)
+    found = smoothing.finish(memory.grid_of(driven().scenario.mapped))
+    assert set(found.segments) == {0, 1}
+    stamps = np.array(found.stamps_ns)
+    wrong = found.best.poses - driven().truth.at(np.where(stamps >= stamps[0] + hour, stamps - hour, stamps))
+    assert rmse(wrong) < 0.005
+    assert found.best.odometry_costs.max() < 12.0
 
 
 @pytest.mark.parametrize(("asked", "most"), [(0, 60), (200, 60), (12, 12)])
