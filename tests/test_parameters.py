@@ -248,6 +248,7 @@ TABLE: dict[str, tuple[float | str, float | None, float | None, float | None]] =
     "max_beams": (60, None, 0, None),
     "laser_min_range": (-1.0, None, None, None),
     "laser_max_range": (-1.0, None, None, None),
+    "range_offset": (0.0, None, -1.0, 1.0),
     "z_hit": (0.5, None, 0.0, None),
     "z_rand": (0.5, None, 0.0, None),
     "sigma_hit": (0.2, 0.0, None, None),

@@ -25,7 +25,7 @@ def test_every_command_explains_itself(name: str, flag: str) -> None:
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_threads_are_asked_for_where_poses_are_scored(name: str) -> None:
-    assert ("--threads" in mcl(name, "--help").out.decode()) == (name in {"run", "score"})
+    assert ("--threads" in mcl(name, "--help").out.decode()) == (name in {"run", "score", "smooth"})
 
 
 def test_help_lists_the_commands() -> None:
