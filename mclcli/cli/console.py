@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
@@ -12,6 +13,7 @@ import click
 from mclcli.text import clean
 
 if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
 
     from rich.console import Console
@@ -20,10 +22,10 @@ _LINE = 1000
 
 
 def set_up(*, verbosity: int, color: str) -> None:
-    """Print the library's log records as lines ``mcl: warning: …``; verbosity −1 hides all but errors."""
+    """Print the library's log records as lines ``mcl: warning: …``; verbosity −1 hides mere information."""
     logger = logging.getLogger("mclcli")
     logger.handlers = [_Lines()]
-    logger.setLevel({-1: logging.ERROR, 0: logging.INFO}.get(verbosity, logging.DEBUG))
+    logger.setLevel({-1: logging.WARNING, 0: logging.INFO}.get(verbosity, logging.DEBUG))
     if color == "always":
         os.environ["FORCE_COLOR"] = "1"
     elif color == "never":
@@ -45,7 +47,7 @@ def remark(message: str) -> None:
 
 
 def warn(message: str) -> None:
-    """One warning for the user, hidden by -q."""
+    """One warning for the user, which -q does not hide: it changes what a result means."""
     logging.getLogger("mclcli").warning("%s", message)
 
 
@@ -58,6 +60,18 @@ def tell_kept(path: Path | None) -> None:
 def detail(message: str) -> None:
     """One line for the user who asked for more, with -v."""
     logging.getLogger("mclcli").debug("%s", message)
+
+
+def tell_cost(seconds: float) -> None:
+    """With -v: what a command took, in time and in memory at its peak."""
+    try:
+        import resource
+    except ImportError:  # of POSIX alone
+        detail(f"took {seconds:.2f} s")
+        return
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    megabytes = peak / (1e6 if sys.platform == "darwin" else 1e3)
+    detail(f"took {seconds:.2f} s and at most {megabytes:.0f} MB of memory")
 
 
 def block(text: str) -> None:
@@ -86,3 +100,28 @@ def stderr() -> Console:
     from rich.console import Console
 
     return Console(stderr=True, markup=False, highlight=False, emoji=False)
+
+
+@contextmanager
+def live_line() -> Iterator[Callable[[Sequence[str]], None]]:
+    """A line on stderr that is drawn again and again and goes in the end; only where ``is_live``.
+
+    It is called with forms of one text, the longest first, and shows the first that fits the screen, uncut.
+    """
+    from rich.live import Live
+    from rich.text import Text
+
+    screen = stderr()
+    with Live(console=screen, transient=True, auto_refresh=False) as live:
+
+        def draw(forms: Sequence[str]) -> None:
+            live.update(Text(fitting(forms, screen.width), no_wrap=True, overflow="crop"), refresh=True)
+
+        yield draw
+
+
+def fitting(forms: Sequence[str], width: int) -> str:
+    """The first form that is not wider than the screen, else the last."""
+    from rich.cells import cell_len
+
+    return next((form for form in forms if cell_len(form) <= width), forms[-1])

@@ -100,7 +100,7 @@ def test_debug_shows_the_traceback_and_keeps_the_exit_code() -> None:
     assert result.err.splitlines()[-1].startswith("mcl: error: missing.mcap: ")
 
 
-def test_quiet_says_nothing_but_errors() -> None:
+def test_quiet_says_nothing_but_warnings_and_errors() -> None:
     scan, grid = ROOT / "samples/reference_set3.yaml", ROOT / "maps/reference.yaml"
     loud = mcl("score", scan, "--map", grid, "--pose", "0,0,0")
     quiet = mcl("score", scan, "--map", grid, "--pose", "0,0,0", "-q")

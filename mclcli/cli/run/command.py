@@ -43,6 +43,7 @@ def command(options: RunOptions) -> ExitCode:
     from mclcli.cli.chosen import choose_settings, tell_refused
     from mclcli.cli.run import report
     from mclcli.cli.run.outputs import Outputs
+    from mclcli.cli.run.progress import progress
     from mclcli.cli.run.references import References, lines_of, report_of
     from mclcli.cli.run.start import operator_poses
     from mclcli.io.traces.output import open_output
@@ -65,22 +66,24 @@ def command(options: RunOptions) -> ExitCode:
     tally = ReplayTally()
     with Outputs(options, recording, parts, setup, settings, grid, landmarks, inputs) as outputs:
         events = _events(recording, parts, setup, outputs, references, told)
-        with report.progress(recording, tally) as show:
+        with progress(recording, tally) as show:
             for point in replay(events, setup, tally):
                 outputs.write(point)
                 show(point)
         _require_updates(tally, setup, recording)
-    summary = report.summarise(recording, setup, tally, outputs.track, time.perf_counter() - began)
-    report.show(summary)
+    seconds = time.perf_counter() - began
+    report.show(report.summarise(recording, setup, tally, outputs.track, outputs.ends, seconds))
     if told is not None:
         told.tell()
     findings = references.findings(outputs.track)
     compared = lines_of(findings)
-    report.show(compared, report_of(findings))
+    report.compare(compared, report_of(findings))
     if options.picture:
         title = f"Track of {', '.join(recording.log.names)}"
         subtitle = compared[0] if compared else report.extent(tally, outputs.track)
         report.draw(options.picture, inputs, grid, outputs, findings, tally.lost, title, subtitle)
+    elif not outputs.keeps:
+        report.kept_nothing()
     return ExitCode.DAMAGED if recording.tally.lossy else ExitCode.COMPLETE
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 from mclcli.cli import console
+from mclcli.cli.run.ends import Ends
 from mclcli.errors import UsageError
 from mclcli.geometry.trajectory import Track
 from mclcli.io.traces.formats import OUTPUTS, About, format_of
@@ -55,6 +56,7 @@ class Outputs:
         # Kept where something is made of it at the end: a log may be longer than memory.
         self.track = Track(whole=bool(options.picture or options.truth or options.versus))
         self.last_step: StepRecord | None = None
+        self.ends = Ends()
         self._targets = _targets(options)
         self._inputs = inputs
         self._about = About(
@@ -73,6 +75,11 @@ class Outputs:
         self._writers: list[Writer] = []
         self._waiting: list[tuple[Format, Output]] = []  # tables that no line was written to
         self._whole: list[Output] = []
+
+    @property
+    def keeps(self) -> bool:
+        """Whether anything is written."""
+        return bool(self._targets)
 
     @property
     def keeps_transforms(self) -> bool:
@@ -110,6 +117,7 @@ class Outputs:
         if self._waiting:
             self._begin()
         self.track.append(point)
+        self.ends.take(point)
         if point.step is not None:
             self.last_step = point.step
         for writer in self._writers:
