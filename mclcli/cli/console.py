@@ -85,6 +85,25 @@ def error(message: str) -> None:
     logging.getLogger("mclcli").error("%s", message)
 
 
+@contextmanager
+def each_once() -> Iterator[None]:
+    """For a command that does the same several times: what was said already is not said again."""
+    said: set[str] = set()
+
+    def new(record: logging.LogRecord) -> bool:
+        message = record.getMessage()
+        known = message in said
+        said.add(message)
+        return not known
+
+    logger = logging.getLogger("mclcli")
+    logger.addFilter(new)
+    try:
+        yield
+    finally:
+        logger.removeFilter(new)
+
+
 def is_live() -> bool:
     """Whether progress can be shown: stderr is a terminal and -q was not given."""
     return sys.stderr.isatty() and logging.getLogger("mclcli").isEnabledFor(logging.INFO)

@@ -115,6 +115,8 @@ threads = click.option(
     help="Threads that score; the results are the same.",
 )
 
+as_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on stdout.")
+
 map_file = click.argument("map_file", metavar="MAP", type=click.Path(path_type=Path))
 
 

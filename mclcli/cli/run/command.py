@@ -6,6 +6,7 @@ import sys
 import time
 from collections import Counter
 from dataclasses import replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import click
@@ -15,10 +16,11 @@ from mclcli.cli.run.options import RunOptions, run_options
 from mclcli.errors import AmbiguousRobotError, ExitCode, InputError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
     from mclcli.cli.chosen import Chosen
+    from mclcli.cli.run.outcome import Outcome
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import References
     from mclcli.cli.run.start import OperatorPoses
@@ -39,12 +41,30 @@ def command(options: RunOptions) -> ExitCode:
 
     With no output named, the track goes to stdout as CSV unless that is a terminal.
     """
+    from mclcli.cli import results
+
+    results.keep_stdout_free((*options.traces, *options.tracks, options.steps), as_json=options.as_json)
+    if options.seeds is not None:
+        from mclcli.cli.run.seeds import run_each
+
+        return run_each(options, _replay)
+    outcome = _replay(options)
+    if options.as_json:
+        from mclcli.cli.run.facts import facts_of
+
+        results.print_json(facts_of(outcome, options))
+    return outcome.code
+
+
+def _replay(options: RunOptions, said: Callable[[Outcome], None] | None = None) -> Outcome:
+    """One run with everything that it writes; ``said`` tells the user what came of it, else a summary does."""
     from mclcli.cli import console
     from mclcli.cli.chosen import choose_settings, tell_refused
     from mclcli.cli.run import report
+    from mclcli.cli.run.outcome import Outcome
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.progress import progress
-    from mclcli.cli.run.references import References, lines_of, report_of
+    from mclcli.cli.run.references import References
     from mclcli.cli.run.start import operator_poses
     from mclcli.io.traces.output import open_output
     from mclcli.replay.loop import ReplayTally, replay
@@ -71,20 +91,13 @@ def command(options: RunOptions) -> ExitCode:
                 outputs.write(point)
                 show(point)
         _require_updates(tally, setup, recording)
-    seconds = time.perf_counter() - began
-    report.show(report.summarise(recording, setup, tally, outputs.track, outputs.ends, seconds))
+    compare = cache(lambda: references.findings(outputs.track))
+    outcome = Outcome(recording, setup, settings, grid, tally, outputs, compare, time.perf_counter() - began)
+    (said or report.tell)(outcome)
     if told is not None:
         told.tell()
-    findings = references.findings(outputs.track)
-    compared = lines_of(findings)
-    report.compare(compared, report_of(findings))
-    if options.picture:
-        title = f"Track of {', '.join(recording.log.names)}"
-        subtitle = compared[0] if compared else report.extent(tally, outputs.track)
-        report.draw(options.picture, inputs, grid, outputs, findings, tally.lost, title, subtitle)
-    elif not outputs.keeps:
-        report.kept_nothing()
-    return ExitCode.DAMAGED if recording.tally.lossy else ExitCode.COMPLETE
+    report.finish(options, outcome, in_full=said is None)
+    return outcome
 
 
 def _from_flags(options: RunOptions) -> dict[str, object]:

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 # Options that change how mcl works or where it writes, not what comes out.
 _UNRECORDED = {"-o", "--output", "--track", "--steps", "--picture", "--threads", "--cache-dir", "--color"}
-_UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|-o.+")
+_UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|--json|-o.+")
 
 
 @final
@@ -169,7 +169,8 @@ def _targets(options: RunOptions) -> list[tuple[Role, str]]:
     for name in names:
         if name != "-" and names.count(name) > 1:
             raise UsageError(f"{name}: named for two outputs; give each its own name")
-    if not targets and not options.picture and not sys.stdout.isatty():
+    wanted = options.picture or options.as_json or options.seeds is not None
+    if not targets and not wanted and not sys.stdout.isatty():
         targets.append(("track", "-"))
     return targets
 
@@ -202,7 +203,7 @@ def _metadata(
         "odometry": setup.odometry,
         "logs": [Path(name).name for name in options.logs],
         "log_sha256": recording.log.digest(),
-        "argv": recorded_argv(sys.argv[1:]),
+        "argv": recorded_argv(sys.argv[1:], setup.localizer.seed),
     }
     if grid is not None:
         metadata["map"] = Path(options.map_file).name if options.map_file else "from the log"
@@ -214,13 +215,17 @@ def _metadata(
     return metadata
 
 
-def recorded_argv(argv: Sequence[str]) -> list[str]:
-    """Arguments that decide what comes out, files by their base names."""
+def recorded_argv(argv: Sequence[str], seed: int = 0) -> list[str]:
+    """Arguments that decide what comes out, files by their base names; of several seeds, the one that was used."""
     kept: list[str] = []
     rest = iter(argv)
     for word in rest:
         if word in _UNRECORDED:
             next(rest, None)
+        elif word == "--seeds" or word.startswith("--seeds="):
+            if word == "--seeds":
+                next(rest, None)
+            kept += ["--seed", str(seed)]
         elif word.partition("=")[0] not in _UNRECORDED and not _UNRECORDED_FLAGS.fullmatch(word):
             kept.append(_base_name(word))
     return kept

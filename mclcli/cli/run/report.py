@@ -19,15 +19,14 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
     from mclcli.arrays import BoolArray, IntArray
-    from mclcli.cli.run.ends import Ends
-    from mclcli.cli.run.outputs import Outputs
+    from mclcli.cli.run.options import RunOptions
+    from mclcli.cli.run.outcome import Outcome
     from mclcli.cli.run.references import Findings
     from mclcli.geometry.trajectory import Track
     from mclcli.io.recording.recording import Recording
     from mclcli.replay.loop import ReplayTally, Setup
     from mclcli.replay.tally import Stretch
     from mclcli.sensors.instruments import Instrument
-    from mclcli.world.occupancy import OccupancyGrid
 
 _STRETCHES = 5  # that a summary names
 
@@ -47,10 +46,10 @@ class Summary:
     details: list[str]
 
 
-def summarise(
-    recording: Recording, setup: Setup, tally: ReplayTally, track: Track, ends: Ends, seconds: float
-) -> Summary:
+def summarise(outcome: Outcome) -> Summary:
     """What the run did, in a few lines."""
+    recording, setup, tally, track = outcome.recording, outcome.setup, outcome.tally, outcome.outputs.track
+    seconds, ends = outcome.seconds, outcome.outputs.ends
     facts = [f"{extent(tally, track)} in {seconds:.2f} s ({track.seconds / seconds:.0f} × real time)"]
     facts += beginnings.repeated(recording, tally)
     facts += ends.lines(recording.first_ns)
@@ -127,8 +126,9 @@ def _times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
 
 
-def show(summary: Summary) -> None:
-    """Print a summary on stderr, its doubts last and as warnings."""
+def tell(outcome: Outcome) -> None:
+    """Print the summary on stderr, its doubts last and as warnings."""
+    summary = summarise(outcome)
     for line in summary.facts:
         console.remark(line)
     for line in summary.doubts:
@@ -137,26 +137,29 @@ def show(summary: Summary) -> None:
         console.remark(line)
 
 
-def compare(lines: Sequence[str], report: str) -> None:
-    """Print lines on a reference, and a report below them, on stderr."""
-    for line in lines:
-        console.remark(line)
-    if report:
-        console.block(report)
+def finish(options: RunOptions, outcome: Outcome, *, in_full: bool) -> None:
+    """Compare a run with its references, draw it, and say how to keep it: what follows the summary."""
+    from mclcli.cli.run.references import lines_of, report_of
 
-
-def kept_nothing() -> None:
-    """Say how to keep what a run has found, where nothing of it is kept."""
-    console.remark("nothing was kept; --track F.csv, --picture F.png or -o F.mcap would keep it")
+    findings = outcome.findings
+    compared = lines_of(findings)
+    if in_full:
+        for line in compared:
+            console.remark(line)
+        if text := report_of(findings):
+            console.block(text)
+    if options.picture:
+        title = f"Track of {', '.join(outcome.recording.log.names)}"
+        subtitle = compared[0] if compared else extent(outcome.tally, outcome.outputs.track)
+        draw(options.picture, options.input_files, outcome, title, subtitle)
+    elif in_full and not outcome.outputs.keeps and not options.as_json:
+        console.remark("nothing was kept; --track F.csv, --picture F.png or -o F.mcap would keep it")
 
 
 def draw(
     target: str,
     inputs: Sequence[Path],
-    grid: OccupancyGrid | None,
-    outputs: Outputs,
-    findings: Findings,
-    lost: Sequence[Stretch],
+    outcome: Outcome,
     title: str,
     subtitle: str,
 ) -> None:
@@ -166,7 +169,8 @@ def draw(
     from mclcli.render.evaluation import floor_around
     from mclcli.render.track import draw_track
 
-    track, last = outputs.track, outputs.last_step
+    grid, findings = outcome.grid, outcome.findings
+    track, last = outcome.outputs.track, outcome.outputs.last_step
     stamps = track.stamps_ns
     span = int(stamps.min()), int(stamps.max())
     belief = None if findings.comparison is None else findings.comparison.belief
@@ -178,7 +182,7 @@ def draw(
         belief=None if belief is None else belief.poses,
         cloud=None if last is None else last.poses,
         cloud_weights=None if last is None else last.weights,
-        lost=_within(stamps, lost),
+        lost=_within(stamps, outcome.tally.lost),
         title=title,
         subtitle=subtitle,
     )
