@@ -21,6 +21,7 @@ COMMANDS = {
     "score": "Score poses of a robot against one scan.",
     "locate": "Find where a scan was taken, anywhere on the map.",
     "run": "Run Monte Carlo Localization over a log.",
+    "plot": "Draw reliability, ESS, particles and errors of a run over time.",
     "eval": "Errors of tracks against a reference, with limits for CI.",
     "extract": "Print one message of a log, a laser scan ready for `mcl score -`.",
     "recover": "Save every whole message of a damaged log into a clean MCAP.",
