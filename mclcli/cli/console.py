@@ -28,6 +28,7 @@ def set_up(*, verbosity: int, color: str) -> None:
     logger.setLevel({-1: logging.WARNING, 0: logging.INFO}.get(verbosity, logging.DEBUG))
     if color == "always":
         os.environ["FORCE_COLOR"] = "1"
+        os.environ.pop("NO_COLOR", None)
     elif color == "never":
         os.environ["NO_COLOR"] = "1"
 
@@ -37,8 +38,26 @@ class _Lines(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Write one record to stderr; an information without its level."""
-        kind = f"{record.levelname.lower()}: " if record.levelno >= logging.WARNING else ""
-        click.echo(f"mcl: {kind}{clean(record.getMessage(), _LINE)}", err=True)
+        kind = record.levelname.lower() if record.levelno >= logging.WARNING else ""
+        click.echo(line(kind, clean(record.getMessage(), _LINE)), err=True, color=in_colour() or None)
+
+
+def line(kind: str, text: str) -> str:
+    """``mcl: error: text``, the kind in colour where colours are on."""
+    if not kind:
+        return f"mcl: {text}"
+    if not in_colour():
+        return f"mcl: {kind}: {text}"
+    return f"mcl: {click.style(f'{kind}:', fg={'error': 'red'}.get(kind, 'yellow'), bold=True)} {text}"
+
+
+def in_colour() -> bool:
+    """Whether stderr takes colours: --color, else NO_COLOR and FORCE_COLOR, else a terminal that is not dumb."""
+    if os.environ.get("NO_COLOR"):
+        return False
+    if os.environ.get("FORCE_COLOR"):
+        return True
+    return sys.stderr is not None and sys.stderr.isatty() and os.environ.get("TERM", "") != "dumb"
 
 
 def remark(message: str) -> None:
