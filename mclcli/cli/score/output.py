@@ -80,7 +80,7 @@ def _rows(scores: Scores) -> Iterator[str]:
     values = (*scores.candidates.poses.T, *scores.log_likelihoods, scores.log_weights, scores.weights)
     texts = scores.candidates.texts if scores.candidates.columns else []
     for start in range(0, scores.weights.size, _BLOCK):
-        columns = [map(repr, column[start : start + _BLOCK].tolist()) for column in values]
+        columns = [map(repr, (column[start : start + _BLOCK] + 0.0).tolist()) for column in values]  # no -0.0
         numbers = map(",".join, zip(*columns, strict=True))
         if texts:
             others = (",".join(map(csv_text, row)) for row in texts[start : start + _BLOCK])
