@@ -5,20 +5,24 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+import time
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 
 from mclcli.text import clean
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
 
     from rich.console import Console
 
 _LINE = 1000
+_REDRAW_S = 0.1
+
+Item = TypeVar("Item")
 
 
 def set_up(*, verbosity: int, color: str) -> None:
@@ -156,6 +160,40 @@ def live_line() -> Iterator[Callable[[Sequence[str]], None]]:
             live.update(Text(fitting(forms, screen.width), no_wrap=True, overflow="crop"), refresh=True)
 
         yield draw
+
+
+def counting(items: Iterable[Item], what: str, after_s: float = 1.0) -> Iterator[Item]:
+    """The same items; on a terminal their number is shown beside ``what`` is being done, once that takes a while."""
+    if not is_live():
+        yield from items
+        return
+    began = drawn = time.perf_counter()
+    with ExitStack() as stack:
+        draw = None
+        for number, item in enumerate(items, 1):
+            yield item
+            now = time.perf_counter()
+            if now - began < after_s or (draw and now - drawn < _REDRAW_S):
+                continue
+            draw, drawn = draw or stack.enter_context(live_line()), now
+            told = f"{number:,} messages".replace(",", " ")
+            draw((f"{what}: {told} in {now - began:.0f} s", told))
+
+
+@contextmanager
+def waiting(what: str, *, long: bool) -> Iterator[None]:
+    """On a terminal, say what is being done while it is, if it takes ``long``."""
+    if not (long and is_live()):
+        yield
+        return
+    with live_line() as draw:
+        draw((what,))
+        yield
+
+
+def look(messages: Iterator[Item]) -> Iterator[Item]:
+    """Messages of the first look through a log, counted on the terminal."""
+    return counting(messages, "looking through the log")
 
 
 def fitting(forms: Sequence[str], width: int) -> str:

@@ -81,7 +81,8 @@ def _save(log: Log, tally: Tally, sink: Output) -> RecoveredMcap:
     headings = [item for item in beside if isinstance(item, Heading)]
     saved = RecoveredMcap.begin(sink, _channels(log, first), headings)
     try:
-        for message in chain(() if first is None else (first,), messages):
+        whole = chain(() if first is None else (first,), messages)
+        for message in console.counting(whole, "saving"):
             _carry(beside, saved)
             if not saved.write(message):
                 tally.reject(message.channel.topic, UNWRITABLE)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from mclcli.filter.parameters import FilterParameters
     from mclcli.sensors import Measurement
 
+_MANY = 200_000  # poses that take a while
 _WHAT = {"lidar": "beams", "vision": "bearings"}
 
 
@@ -49,7 +50,8 @@ def command(options: ScoreOptions) -> None:
         return
     used = instruments(options, settings, grid, scan, len(candidates.poses))
     measurements = [instrument.measure(reading, mount) for instrument, reading, mount in used]
-    log_likelihoods = weights.score(measurements, candidates.poses)
+    with console.waiting(f"scoring {len(candidates.poses)} poses", long=len(candidates.poses) > _MANY):
+        log_likelihoods = weights.score(measurements, candidates.poses)
     alphas = _alphas(measurements, log_likelihoods, candidates.poses, settings.filter, as_run=options.as_run)
     log_weights = weights.temper(alphas, log_likelihoods)
     console.remark(_how(options, measurements, alphas))
