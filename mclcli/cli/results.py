@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def keep_stdout_free(outputs: Iterable[str | None], *, as_json: bool) -> None:
     """Refuse an output ``-`` beside --json, which takes standard output."""
     if as_json and "-" in outputs:
-        raise UsageError("--json takes standard output: only one of it and an output - can; give the output a name")
+        raise UsageError("--json takes standard output, and so does an output -; give that one a name")
 
 
 def print_json(facts: Mapping[str, Any]) -> None:

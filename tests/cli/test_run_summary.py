@@ -53,7 +53,7 @@ def test_the_deviation_is_that_of_the_longest_axis() -> None:
 
 def test_doubts_of_the_end() -> None:
     lost = Ends(ends_lost=True, last_reliability=0.31, converged=False)
-    assert lost.doubts() == ["probably lost at the end, too (reliability 0.31): do not rely on that pose"]
+    assert lost.doubts() == ["probably lost at the last update (reliability 0.31): do not rely on its pose"]
     assert "not in one place" in Ends(converged=False).doubts()[0]
     assert Ends().doubts() == []
     assert Ends().lines(0) == []
@@ -65,7 +65,7 @@ def test_quiet_hides_no_doubt(run_short: Runner) -> None:
     lines = quiet.err.splitlines()
     assert all(line.startswith("mcl: warning: ") for line in lines)
     assert any("probably lost, or off the map, at" in line for line in lines)
-    assert any("probably lost at the end" in line for line in lines)
+    assert any("probably lost at the last update" in line for line in lines)
     assert run_short("--track", "-", "-q").err == ""
 
 

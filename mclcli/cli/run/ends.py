@@ -63,10 +63,10 @@ class Ends:
         """Why the last pose is not to be relied on."""
         if self.ends_lost:
             return [
-                f"probably lost at the end, too (reliability {self.last_reliability:.2f}): do not rely on that pose"
+                f"probably lost at the last update (reliability {self.last_reliability:.2f}): do not rely on its pose"
             ]
         if not self.converged:
-            return ["the particles are not in one place at the end: do not rely on that pose"]
+            return ["the particles are not in one place at the last update: do not rely on its pose"]
         return []
 
 
