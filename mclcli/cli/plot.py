@@ -47,7 +47,7 @@ class PlotOptions:
 @options.common
 @options.into(PlotOptions)
 def command(plot: PlotOptions) -> None:
-    """Draw the updates of a run over time, from its steps (--steps) or its weight trace (-o), CSV or .csv.gz.
+    """Draw the updates of a run over time, from its steps (--steps) or its weight trace (-o): .csv, .csv.gz or .mcap.
 
     Steps hold the reliability, and where the robot was probably lost; a weight trace does not.
     """

@@ -12,7 +12,7 @@ from PIL import Image
 from mclcli.io.tables import updates_file
 from mclcli.io.tables.updates_file import read_updates
 from mclcli.render.updates import draw_updates
-from tests.cli.support import SAMPLES, Everything, mcl, single_error
+from tests.cli.support import OFFICE, SAMPLES, Everything, mcl, single_error
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 @pytest.fixture
 def files(everything: Everything, tmp_path: Path) -> Path:
-    for name in ("steps.csv", "trace.csv", "trace.csv.gz"):
+    for name in ("steps.csv", "trace.csv", "trace.csv.gz", "trace.mcap"):
         (tmp_path / name).write_bytes(everything.files[name])
     return tmp_path
 
@@ -29,7 +29,7 @@ def files(everything: Everything, tmp_path: Path) -> Path:
 def test_a_trace_says_what_the_steps_say(files: Path, rows: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(updates_file, "_ROWS", rows)  # 300 particles: a step goes on in the next block
     steps = read_updates(files / "steps.csv")
-    for name in ("trace.csv", "trace.csv.gz"):
+    for name in ("trace.csv", "trace.csv.gz", "trace.mcap"):
         trace = read_updates(files / name)
         np.testing.assert_allclose(trace.stamps_ns, steps.stamps_ns, atol=500)
         np.testing.assert_array_equal(trace.particles, steps.particles)
@@ -40,7 +40,7 @@ def test_a_trace_says_what_the_steps_say(files: Path, rows: int, monkeypatch: py
     assert steps.reliability.min() > 0.8
 
 
-@pytest.mark.parametrize(("name", "panels"), [("steps.csv", 3), ("trace.csv.gz", 2)])
+@pytest.mark.parametrize(("name", "panels"), [("steps.csv", 3), ("trace.csv.gz", 2), ("trace.mcap", 2)])
 def test_pictures(files: Path, name: str, panels: int) -> None:
     plain, judged = files / "plain.png", files / "judged.png"
     assert mcl("plot", files / name, "-o", plain).code == 0
@@ -83,6 +83,10 @@ def test_what_is_no_trace(tmp_path: Path, content: bytes, said: str) -> None:
     (tmp_path / "x.csv").write_bytes(content)
     assert said in single_error(mcl("plot", tmp_path / "x.csv", "-o", tmp_path / "x.png"), 1)
     assert not (tmp_path / "x.png").exists()
+
+
+def test_a_log_is_no_trace(files: Path) -> None:
+    assert "no update of `mcl run` in it" in single_error(mcl("plot", OFFICE, "-o", files / "x.png"), 1)
 
 
 def test_a_cut_gzip(tmp_path: Path) -> None:

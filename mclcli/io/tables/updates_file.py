@@ -45,7 +45,7 @@ class Updates:
 
 
 def read_updates(source: str | Path) -> Updates:
-    """Updates of a CSV of ``--steps``, or of a weight trace, ``.csv`` or ``.csv.gz``.
+    """Updates of a CSV of ``--steps``, or of a weight trace, ``.csv``, ``.csv.gz`` or ``.mcap``.
 
     Raises
     ------
@@ -55,6 +55,10 @@ def read_updates(source: str | Path) -> Updates:
         If it is neither, or holds no update, naming the line where there is one.
 
     """
+    if str(source).endswith(".mcap"):
+        from mclcli.io.traces.steps_mcap import read_steps
+
+        return Updates(*read_steps(Path(source)))
     try:
         with _opened(source) as file:
             lines = (line for line in file if not line.startswith("#"))
