@@ -44,7 +44,7 @@ def parameter_reference() -> str:
     ]
     for part, name, default, about in profiles.table():
         meaning = about.meaning + (f"; one of {', '.join(about.choices)}" if about.choices else "")
-        reference = about.source or profiles.SOURCES[part]
+        reference = profiles.source_of(part, name, about)
         cells = (part, f"`{name}`", _shown(default), about.unit, _robots_names(name), meaning, reference)
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join([*lines, *_profile_table()]) + "\n"

@@ -106,6 +106,11 @@ def test_the_originals_sizes_and_recoveries() -> None:
 def test_every_parameter_has_a_reference() -> None:
     assert list(profiles.SOURCES) == list(profiles.GROUPS)
     assert all(profiles.SOURCES.values())
+    known = {name: (group, description) for group, name, _, description in profiles.table()}
+    assert set(profiles.SOURCES_OF) <= set(known)
+    for name, ours in (("ess_target", True), ("hypotheses", True), ("update_min_d", False), ("sigma_hit", False)):
+        group, description = known[name]
+        assert (profiles.source_of(group, name, description) == "mcl's own") == ours
 
 
 def test_changing_one_value_leaves_the_others() -> None:

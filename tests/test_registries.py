@@ -143,9 +143,9 @@ def test_an_output_takes_the_points_of_a_run(tmp_path: Path) -> None:
     frame, points, transforms = (tmp_path / "x.toy").read_text().split()
     assert (frame, int(points)) == ("map", len(track.rows))
     assert int(transforms) > 0
-    assert ".mcap, .toy, or -" in " ".join(good(OUTPUT, "run", "--help").split())
+    assert ".mcap, .parquet, .toy, or -" in " ".join(good(OUTPUT, "run", "--help").split())
     refused = single_error(mcl(OUTPUT, *RUN, "-o", tmp_path / "x.toys"), 2)
-    assert "must end in .csv or .csv.gz or .mcap or .toy" in refused
+    assert "must end in .csv or .csv.gz or .mcap or .parquet or .toy" in refused
     assert "must end in .csv or .tum" in single_error(mcl(OUTPUT, *RUN, "--track", tmp_path / "x.toy"), 2)
     assert [path.name for path in tmp_path.iterdir()] == ["x.toy"]
 

@@ -22,11 +22,24 @@ COMMANDS = {
     "locate": "Find where a scan was taken, anywhere on the map.",
     "run": "Run Monte Carlo Localization over a log.",
     "smooth": "The best track of a log: every scan and all of its odometry at once.",
+    "plot": "Draw reliability, ESS, particles and errors of a run over time.",
     "eval": "Errors of tracks against a reference, with limits for CI.",
     "extract": "Print one message of a log, a laser scan ready for `mcl score -`.",
     "recover": "Save every whole message of a damaged log into a clean MCAP.",
     "params": "Print every parameter with its effective value and meaning.",
 }
+# what `mcl --help` lists together
+GROUPS = {
+    "Look at a log or a map": ("info", "extract", "dt"),
+    "Localize": ("run", "smooth", "locate", "score"),
+    "Judge the result": ("eval", "plot"),
+    "Prepare": ("params", "recover"),
+}
+EXAMPLES = """\
+Try:
+  mcl info LOG                                    what it holds, how to run it
+  mcl run LOG --map MAP.yaml --picture track.png  where the robot was\
+"""
 _HELP = "Explain a command: `mcl help run` is `mcl run --help`."
 
 _PACKAGES = {"run", "smooth", "eval", "locate", "score"}
@@ -76,8 +89,12 @@ class _LazyGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the subcommands in the help without importing any."""
         del ctx
-        with formatter.section("Commands"):
-            formatter.write_dl([*COMMANDS.items(), ("help", _HELP)])
+        listed = {heading: [(name, COMMANDS[name]) for name in names] for heading, names in GROUPS.items()}
+        listed["Help"] = [("help", _HELP)]
+        width = max(map(len, [*COMMANDS, "help"]))
+        for heading, rows in listed.items():
+            with formatter.section(heading):
+                formatter.write_dl([(name.ljust(width), what) for name, what in rows])
 
 
 @click.group(cls=_LazyGroup, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100})

@@ -43,7 +43,9 @@ def choose_settings(
     given = profiles.spelled_out(options.settings) | profiles.spelled_out(flags or {})
     if options.params is None:
         values = {**base, **given}
-        return Chosen(profiles.build(values, profile=profile or "textbook", model=model or "likelihood_field"), None)
+        built = profiles.build(values, profile=profile or "textbook", model=model or "likelihood_field")
+        _tell(built, given)
+        return Chosen(built, None)
     from mclcli.settings.robots.reading import load, settings_of
 
     file = load(options.params, profile=profile, model=model, lenient=options.lenient)
@@ -54,7 +56,15 @@ def choose_settings(
         console.remark(line)
     for line in file.warnings:
         console.warn(line)
+    _tell(settings, given)
     return Chosen(settings, file, file.tentative - set(given))
+
+
+def _tell(settings: Settings, given: Collection[str]) -> None:
+    """With -v: profile, model, and what the command line sets."""
+    values = settings.values()
+    said = "".join(f", {name} {values[name]}" for name in given if name in values)
+    console.detail(f"settings: profile {settings.profile}, model {settings.model}{said}")
 
 
 def warn_of_turned_map(grid: OccupancyGrid | None, settings: Settings) -> None:
@@ -82,6 +92,10 @@ def assigned(recording: Recording, requested: RequestedRoles) -> Roles:
         console.remark(f"frames: {parts.reasons['frames']}")
     for line in parts.doubts:
         console.warn(f"odometry: {line}")
+    for role, name in (("scan", " ".join(parts.scan)), ("odometry", parts.odometry), ("map", parts.map)):
+        if name:
+            console.detail(f"{role}: {clean(name)}, {parts.reasons.get(role) or 'the only one'}")
+    console.detail(f"base: {clean(parts.base_frame)}")
     recording.keep_to(parts)
     return parts
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final, get_args
@@ -55,17 +54,18 @@ class FieldOptions:
     help="Write the field: float64 metres, row 0 at the bottom; - is stdout.",
 )
 @click.option("--png", metavar="F.png", shell_complete=completion.files, callback=parse_picture, help="Draw the field.")
-@click.option("--json", "as_json", is_flag=True, help="Print the summary as JSON.")
+@options.as_json
 @click.option("--no-cache", is_flag=True, help="Neither read nor write the cache.")
 @options.map_limits
 @options.common
 @options.into(FieldOptions)
 def command(dt: FieldOptions) -> None:
     """Compute the distance from every cell of MAP to the nearest occupied one; the cache keeps it for others."""
-    from mclcli.cli import console
+    from mclcli.cli import console, results
     from mclcli.io.maps import field_cache
     from mclcli.world import distance_field
 
+    results.keep_stdout_free((dt.output,), as_json=dt.as_json)
     map_file, method, max_dist = dt.map_file, dt.method, dt.max_dist
     grid = dt.map_limits.load(map_file)
     began = time.perf_counter()
@@ -93,8 +93,10 @@ def command(dt: FieldOptions) -> None:
         "cache": "off" if dt.no_cache else "hit" if hit else "miss",
         "file": where,
     }
-    # With the field itself on stdout the summary is a remark.
-    click.echo(json.dumps(summary) if dt.as_json else _sentence(summary), err=dt.output == "-")
+    if dt.as_json:
+        results.print_json(summary)
+    else:  # with the field itself on stdout it is a remark
+        click.echo(_sentence(summary), err=dt.output == "-")
 
 
 def _sentence(summary: dict[str, object]) -> str:

@@ -75,7 +75,7 @@ def command(extract: ExtractOptions) -> None:
     from mclcli.io.recording.recording import Recording
     from mclcli.io.tables.scan_file import format_scan
 
-    recording = Recording(open_log([Path(extract.log)]))
+    recording = Recording(open_log([Path(extract.log)]), watch=console.look)
     topic = None if extract.topic is None else recording.survey.topic_named(extract.topic)
     channel = recording.survey.topics.get(topic or "")
     if topic is not None and (channel is None or channel.channel.type not in SCAN):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, final
 
 import click
 
-from mclcli.cli import completion, info_lidars, options
+from mclcli.cli import completion, console, info_lidars, options
 from mclcli.errors import AmbiguousRobotError, ExitCode
 from mclcli.text import clean, counted
 
@@ -54,7 +54,7 @@ def command(info: InfoOptions) -> ExitCode:
     stdin, diagnosis = sys.stdin.buffer if "-" in info.logs else None, Diagnosis()
     log = open_log(info.logs, stdin=stdin)
     sampled = None if info.deep else sampling.sample(log, diagnosis)
-    recording = sampled or Recording(log, whole=True, diagnosis=diagnosis)
+    recording = sampled or Recording(log, whole=True, diagnosis=diagnosis, watch=console.look)
     try:
         parts = roles.assign(recording.survey)
     except AmbiguousRobotError as error:

@@ -68,7 +68,7 @@ def open_for_scan(
     from mclcli.io.logs import open_log
     from mclcli.io.recording.recording import Recording
 
-    recording = Recording(open_log([Path(source.scan)]))
+    recording = Recording(open_log([Path(source.scan)]), watch=console.look)
     return recording, roles_for_scan(recording, source.scan_topic, source.robot, chosen, odometry)
 
 

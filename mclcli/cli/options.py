@@ -78,13 +78,18 @@ def common(command: Command) -> Command:
     def wrapped(
         *args: Any, verbose: int, quiet: bool, color: Color, cache_dir: Path | None, debug: bool, **rest: Any
     ) -> Any:
+        import time
+
         from mclcli.cli import console
 
+        began = time.perf_counter()
         del debug  # read from the arguments by mclcli.cli.process, before anything is parsed
         console.set_up(verbosity=-1 if quiet else verbose, color=color)
         if cache_dir is not None:
             console.use_cache(cache_dir)
-        return command(*args, **rest)
+        code = command(*args, **rest)
+        console.tell_cost(time.perf_counter() - began)
+        return code
 
     return all_of(
         click.option(
@@ -93,8 +98,10 @@ def common(command: Command) -> Command:
             help="Where fields and compiled kernels are kept.",
         ),
         click.option("--color", type=click.Choice(get_args(Color)), default="auto", help="Colours on the terminal."),
-        click.option("-v", "--verbose", count=True, help="Say more on stderr."),
-        click.option("-q", "--quiet", is_flag=True, help="Say nothing on stderr but errors."),
+        click.option(
+            "-v", "--verbose", count=True, help="Say more on stderr: settings, topics and why, map, time and memory."
+        ),
+        click.option("-q", "--quiet", is_flag=True, help="Say nothing on stderr but warnings and errors."),
         click.option("--debug", is_flag=True, help="Show the traceback of an error."),
     )(wrapped)  # type: ignore[return-value]
 
@@ -107,6 +114,8 @@ threads = click.option(
     show_default=True,
     help="Threads that score; the results are the same.",
 )
+
+as_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on stdout.")
 
 map_file = click.argument("map_file", metavar="MAP", type=click.Path(path_type=Path))
 
@@ -121,9 +130,15 @@ class MapLimits:
 
     def load(self, path: Path) -> OccupancyGrid:
         """Load a map within these limits; errors as of ``mclcli.io.maps.map_yaml.load_map``."""
+        from mclcli.cli import console
         from mclcli.io.maps.map_yaml import load_map
 
-        return load_map(path, max_cells=self.max_cells, allow_outside=self.allow_outside)
+        grid = load_map(path, max_cells=self.max_cells, allow_outside=self.allow_outside)
+        occupied = int(grid.occupied.sum())
+        console.detail(
+            f"map: {path.name}, {grid.width} x {grid.height} cells of {grid.resolution:g} m, {occupied} occupied"
+        )
+        return grid
 
 
 map_limits = together(

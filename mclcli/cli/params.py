@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, final, get_args
+from typing import TYPE_CHECKING, Any, Literal, final, get_args
 
 import click
 
 from mclcli.cli import console, options
 from mclcli.cli.chosen import choose_settings
+from mclcli.errors import UsageError
+
+if TYPE_CHECKING:
+    from mclcli.settings.profiles import Settings
 
 Form = Literal["mcl", "nav2"]
 
@@ -20,6 +24,7 @@ class ParamsOptions:
 
     parameters: options.ParameterOptions
     form: Form
+    as_json: bool
 
 
 @click.command("params", short_help="Print every parameter with its effective value and meaning.")
@@ -32,12 +37,19 @@ class ParamsOptions:
     show_default=True,
     help="mcl's own names with their meanings, or a file for nav2_amcl.",
 )
+@options.as_json
 @options.common
 @options.into(ParamsOptions)
 def command(params: ParamsOptions) -> None:
     """Print the effective parameters as YAML that --params reads, with units and meanings."""
+    if params.as_json and params.form != "mcl":
+        raise UsageError(f"--json prints mcl's own parameters, --format {params.form} a file; give one of them")
     chosen = choose_settings(params.parameters, {})
-    if params.form == "nav2":
+    if params.as_json:
+        from mclcli.cli.results import print_json
+
+        print_json(_facts(chosen.settings))
+    elif params.form == "nav2":
         from mclcli.settings.robots.writing import to_nav2
 
         click.echo(to_nav2(chosen.settings, chosen.file), nl=False)
@@ -62,3 +74,22 @@ def _comments() -> dict[str, str]:
         "model": "lidar model, as --model",
         **meanings,
     }
+
+
+def _facts(settings: Settings) -> dict[str, Any]:
+    """Every parameter that takes part with the model: its value, and what there is to know of it."""
+    from mclcli.settings import profiles
+
+    effective = settings.values()
+    parameters = {
+        name: {
+            "value": effective[name],
+            "unit": description.unit or None,
+            "meaning": description.meaning,
+            "choices": list(description.choices) or None,
+            "group": group,
+            "in_nav2": description.in_nav2,
+        }
+        for group, name, _, description in profiles.table(settings.model)
+    }
+    return {"profile": settings.profile, "model": settings.model, "parameters": parameters}

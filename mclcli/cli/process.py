@@ -11,6 +11,7 @@ from typing import NoReturn, final
 import click
 
 from mclcli import startup
+from mclcli.cli import console
 from mclcli.errors import ExitCode, InputError, MclError
 from mclcli.text import clean
 
@@ -100,10 +101,14 @@ def _explain(error: Exception) -> int:
     if isinstance(error, click.exceptions.Exit):
         return error.exit_code
     if isinstance(error, click.exceptions.NoArgsIsHelpError):
+        from mclcli.cli import EXAMPLES
+
         error.show()
+        if error.ctx.parent is None:
+            click.echo(f"\n{EXAMPLES}", err=True)
         return ExitCode.USAGE
     message, code = _sentence(error)
-    click.echo(f"mcl: error: {clean(message, 1000)}", err=True)
+    click.echo(console.line("error", clean(message, 1000)), err=True, color=console.in_colour() or None)
     return code
 
 

@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Any, final
 
 import click
 
@@ -29,11 +29,13 @@ class RecoverOptions:
 
     logs: tuple[str, ...]
     output: str
+    as_json: bool
 
 
 @click.command("recover", short_help="Save every whole message of a damaged log into a clean MCAP.")
 @click.argument("logs", metavar="DAMAGED...", shell_complete=completion.files, nargs=-1, required=True)
 @click.option("-o", "--output", metavar="GOOD.mcap", required=True, help="Where to write; - is stdout.")
+@options.as_json
 @options.common
 @options.into(RecoverOptions)
 def command(recover: RecoverOptions) -> ExitCode:
@@ -43,10 +45,12 @@ def command(recover: RecoverOptions) -> ExitCode:
     are saved too; messages that were compressed one by one are unpacked. Exits with 0 if all was saved, with 3 if
     something was lost or may have been, with 1 if there was nothing to save.
     """
+    from mclcli.cli.results import keep_stdout_free, print_json
     from mclcli.io.logs import open_log
     from mclcli.io.logs.base import Tally
     from mclcli.io.traces.output import open_output
 
+    keep_stdout_free((recover.output,), as_json=recover.as_json)
     log = open_log(recover.logs, stdin=sys.stdin.buffer if "-" in recover.logs else None)
     tally = Tally()
     inputs = [Path(name) for name in recover.logs]
@@ -57,7 +61,10 @@ def command(recover: RecoverOptions) -> ExitCode:
     except (KeyboardInterrupt, SystemExit):
         console.tell_kept(sink.kept)
         raise
-    _report(recover.output, saved, tally)
+    if recover.as_json:
+        print_json(_facts(recover.output, saved, tally))
+    else:
+        _report(recover.output, saved, tally)
     return ExitCode.DAMAGED if tally.lossy else ExitCode.COMPLETE
 
 
@@ -74,7 +81,8 @@ def _save(log: Log, tally: Tally, sink: Output) -> RecoveredMcap:
     headings = [item for item in beside if isinstance(item, Heading)]
     saved = RecoveredMcap.begin(sink, _channels(log, first), headings)
     try:
-        for message in chain(() if first is None else (first,), messages):
+        whole = chain(() if first is None else (first,), messages)
+        for message in console.counting(whole, "saving"):
             _carry(beside, saved)
             if not saved.write(message):
                 tally.reject(message.channel.topic, UNWRITABLE)
@@ -122,6 +130,24 @@ def _report(output: str, saved: RecoveredMcap, tally: Tally) -> None:
     said = ([str(lost)] if lost else []) + (["an unknown number"] if more else [])
     total = saved.written.total()
     console.remark(f"{output}: {counted(total, 'message')}; lost: {' and '.join(said) or 'none'}")
+
+
+def _facts(output: str, saved: RecoveredMcap, tally: Tally) -> dict[str, Any]:
+    """The same for --json."""
+    lost, more = tally.lost()
+    return {
+        "output": output,
+        "messages": saved.written.total(),
+        "topics": dict(sorted(saved.written.items())),
+        "beside": dict(sorted(saved.beside.items())),
+        "not_saved": [
+            {"topic": topic, "reason": why, "messages": count}
+            for topic, reasons in sorted(tally.skipped.items())
+            for why, count in sorted(reasons.items())
+        ],
+        "lost": lost,
+        "lost_more": more,
+    }
 
 
 def _guessed(topic: str, saved: RecoveredMcap) -> str:

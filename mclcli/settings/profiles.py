@@ -111,6 +111,24 @@ SOURCES: dict[str, str] = {
     "search": "mclcli.search; Hess et al. 2016, section V",
     "frames": "REP 105; nav2_amcl",
 }
+# Parameters of other origin than their group; those of ``_OWN`` are in no other program.
+_OWN = "mcl's own"
+SOURCES_OF: dict[str, str] = {
+    **dict.fromkeys(("ess_target", "fit_ignored", "fit_trusted", "hypotheses", "vision_min_a", "vision_min_d"), _OWN),
+    **dict.fromkeys(("field_lookup", "obstacles", "map_update", "stationary_sigma_xy", "stationary_sigma_yaw"), _OWN),
+    "degenerate": "uniform: nav2_amcl; carry: mcl's own",
+    "estimate_mean": "set: Beluga; heaviest: nav2_amcl; heaviest_if_apart: mcl's own",
+    "recovery": "uniform: table 8.3; locate: mcl's own",
+    "resample_ess": "Kong, Liu, Wong 1994; Beluga",
+    "resampler": "systematic: table 4.4; Douc, Cappé, Moulines 2005",
+}
+
+
+def source_of(group: str, name: str, description: Description) -> str:
+    """Where a parameter comes from, for the table of them all."""
+    return description.source or SOURCES_OF.get(name) or SOURCES[group]
+
+
 # Lidar models, and the group that each has its parameters in.
 MODELS = {name: entry.group for name, entry in _LIDARS.items()}
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from mclcli.cli import COMMANDS
+from mclcli.cli import COMMANDS, GROUPS, console
 from mclcli.version import __version__
 from tests.cli.support import ROOT, mcl, single_error
 
@@ -100,10 +100,52 @@ def test_debug_shows_the_traceback_and_keeps_the_exit_code() -> None:
     assert result.err.splitlines()[-1].startswith("mcl: error: missing.mcap: ")
 
 
-def test_quiet_says_nothing_but_errors() -> None:
+def test_quiet_says_nothing_but_warnings_and_errors() -> None:
     scan, grid = ROOT / "samples/reference_set3.yaml", ROOT / "maps/reference.yaml"
     loud = mcl("score", scan, "--map", grid, "--pose", "0,0,0")
     quiet = mcl("score", scan, "--map", grid, "--pose", "0,0,0", "-q")
     assert "nothing says where the lidar sits" in loud.err
     assert (quiet.code, quiet.err, quiet.out) == (0, "", loud.out)
     assert single_error(mcl("score", scan, "--map", grid, "-q"), 2)
+
+
+def test_every_command_is_in_one_group() -> None:
+    grouped = [name for names in GROUPS.values() for name in names]
+    assert sorted(grouped) == sorted(COMMANDS)
+
+
+def test_without_arguments_help_ends_with_two_examples() -> None:
+    result = mcl()
+    assert (result.code, result.out) == (2, b"")
+    *_, heading, first, second = result.err.splitlines()
+    assert heading == "Try:"
+    assert first.startswith("  mcl info LOG ")
+    assert second.startswith("  mcl run LOG --map MAP.yaml ")
+    assert max(map(len, result.err.splitlines())) <= 80
+
+
+@pytest.mark.parametrize(
+    ("environment", "coloured"),
+    [
+        ({"FORCE_COLOR": "1"}, True),
+        ({"NO_COLOR": "1"}, False),
+        ({}, False),
+        ({"FORCE_COLOR": "1", "NO_COLOR": "1"}, False),
+    ],
+)
+def test_errors_are_in_colour_where_colours_are_on(
+    environment: dict[str, str], *, coloured: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("FORCE_COLOR", "NO_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    error = console.line("error", "x: no such file")
+    assert error == ("mcl: \x1b[31m\x1b[1merror:\x1b[0m x: no such file" if coloured else "mcl: error: x: no such file")
+    assert console.line("", "x") == "mcl: x"
+
+
+@pytest.mark.parametrize("choice", ["always", "never"])
+def test_color_decides(choice: str) -> None:
+    result = mcl("info", "missing.mcap", "--color", choice)
+    assert ("\x1b[31m" in result.err) == (choice == "always")

@@ -115,7 +115,7 @@ def test_a_folder_that_nobody_may_write_to(run_short: Runner) -> None:
         (("-o", "-", "--track", "-"), "only one output can go to stdout"),
         (("--track", "a.csv", "-o", "a.csv"), "a.csv: named for two outputs"),
         (("--track", "a.txt"), "must end in .csv or .tum"),
-        (("-o", "a.tum"), "must end in .csv or .csv.gz or .mcap"),
+        (("-o", "a.tum"), "must end in .csv or .csv.gz or .mcap or .parquet"),
         (("--steps", "a.json"), "must end in .csv"),
         (("--picture", "a.csv"), "--picture a.csv: the name must end in .png, or be -"),
         (("--track", "none/a.csv"), "does not exist"),

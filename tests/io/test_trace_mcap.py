@@ -24,6 +24,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from mclcli.errors import InputError
 from mclcli.geometry import se2, se3
+from mclcli.io.traces import trace_mcap
 from mclcli.io.traces import trace_messages as messages
 from mclcli.io.traces.cdr import CdrWriter
 from mclcli.io.traces.chunked_mcap import CHUNK_BYTES
@@ -309,6 +310,33 @@ def test_a_step_stays_in_one_chunk_and_chunks_end_after_64_kib() -> None:
         last = max(time for time, _ in chunk)
         assert sum(size for _, size in chunk) > CHUNK_BYTES
         assert sum(size for time, size in chunk if time != last) <= CHUNK_BYTES
+
+
+def test_log_times_are_in_order_though_transforms_run_ahead_of_the_points() -> None:
+    stream = io.BytesIO()
+    writer = _writer(stream)
+    for step in (1, 0, 2, 3):  # two of them the wrong way round
+        writer.transforms(point(step).stamp_ns, [_odometry(step)])
+    for step in range(3):
+        writer.write(point(step, updated=True, n=5))
+        writer.transforms(point(step + 4).stamp_ns, [_odometry(step + 4)])
+    writer.close()
+    times = [time for chunk in _chunks(stream.getvalue()) for time, _ in chunk]
+    assert times == sorted(times)
+    stream.seek(0)
+    assert len(list(make_reader(stream).iter_messages(topics=["/tf"]))) == 7 + 3
+
+
+def test_few_transforms_are_held(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(trace_mcap, "_HELD", 10)
+    stream = io.BytesIO()
+    writer = _writer(stream)
+    for step in range(2000):
+        writer.transforms(point(step).stamp_ns, [_odometry(step)])
+    assert stream.tell() > 0  # a chunk is written before the end
+    writer.close()
+    times = [time for chunk in _chunks(stream.getvalue()) for time, _ in chunk]
+    assert times == sorted(times)
 
 
 def test_the_same_input_makes_the_same_bytes() -> None:

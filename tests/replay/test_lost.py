@@ -32,7 +32,7 @@ def test_updates_in_a_row_are_one_stretch() -> None:
 
 def test_the_summary_names_the_first_five() -> None:
     lines = _losses(LOG, judged([0.5, 0.9] * 7))  # type: ignore[arg-type]
-    assert lines[0] == "probably lost, or off the map, at 7 of 14 updates (reliability < 0.8):"
+    assert lines[0] == "probably lost, or off the map, at 7 of 14 updates (reliability < 0.8)"
     assert lines[2] == "  lost from 2.0 to 2.0 s of the log, 2.0,-1.0 to 2.0,-1.0, reliability 0.50"
     assert lines[6] == "  and 2 more; column lost of --steps has them all"
     assert len(lines) == 7

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import math
-import sys
 from typing import TYPE_CHECKING
 
 from mclcli.cli.clock import clock_text
+from mclcli.cli.tables import rendered
 from mclcli.text import clean
 
 if TYPE_CHECKING:
@@ -20,7 +19,6 @@ if TYPE_CHECKING:
     from mclcli.evaluate.metrics import Statistics
     from mclcli.evaluate.spread import Spread
 
-_WIDTH = 110  # where nobody knows how wide the screen is
 _NAMED = 8  # losses told one by one
 _DEGREES = {"rad": "deg"}
 _DIGITS = {"rad": 3, "s": 1, "": 3}
@@ -49,20 +47,6 @@ def describe_all(evaluations: Sequence[Evaluation], spreads: dict[str, Spread], 
     note = f"converged: under {rule} for {protocol.converged.seconds:g} s; bands: bootstrap over tracks, 5 to 95 %"
     tables = [rendered(_tracks_table(evaluations)), "", rendered(_spread_table(spreads)), "", note]
     return "\n".join([*tables, *_moments(evaluations, protocol.truth_sd)])
-
-
-def rendered(table: Table) -> str:
-    """A table as text, in colours where standard output is a terminal."""
-    from rich.console import Console
-
-    terminal = sys.stdout is not None and sys.stdout.isatty()
-    target = io.StringIO()
-    console = Console(
-        file=target, markup=False, highlight=False, emoji=False, force_terminal=terminal or None,
-        width=None if terminal else _WIDTH,
-    )  # fmt: skip
-    console.print(table)
-    return "\n".join(line.rstrip() for line in target.getvalue().rstrip("\n").split("\n"))
 
 
 def _table(first: str, rest: Iterable[str]) -> Table:

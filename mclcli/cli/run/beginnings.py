@@ -47,7 +47,7 @@ def line(recording: Recording, stamp_ns: int, placed: Placed) -> str:
     seconds = f"at {(stamp_ns - recording.first_ns) * 1e-9:.1f} s of the log"
     if not placed.probabilities.size:
         return f"start: anywhere on the map {seconds}, probability of any one place 0.00"
-    return f"start: {_pose(placed.places[0])}, probability {placed.probabilities[0]:.2f} {seconds}"
+    return f"start: {pose_text(placed.places[0])}, probability {placed.probabilities[0]:.2f} {seconds}"
 
 
 def doubt_of(placed: Placed) -> str:
@@ -60,11 +60,14 @@ def doubt_of(placed: Placed) -> str:
     if best >= _SURE:
         return ""
     others = zip(placed.places[1 : 1 + _RIVALS], placed.probabilities[1 : 1 + _RIVALS], strict=True)
-    rivals = [f"{_pose(pose)} ({share:.2f})" for pose, share in others if share >= 0.005]
+    rivals = [f"{pose_text(pose)} ({share:.2f})" for pose, share in others if share >= 0.005]
     rivals += [f"not on this map ({placed.elsewhere:.2f})"] * (placed.elsewhere >= 0.005)
     return f"ambiguous, probability {best:.2f}; or {', '.join(rivals) or 'elsewhere'}"
 
 
-def _pose(pose: FloatArray) -> str:
+def pose_text(pose: FloatArray) -> str:
+    """A pose as --init takes it, to a centimetre and a tenth of a degree; never -0."""
     x, y, yaw = (float(value) for value in pose)
-    return f"{x:.2f},{y:.2f},{np.degrees(math.remainder(yaw, 2.0 * math.pi)):.1f}deg"
+    turned = np.degrees(math.remainder(yaw, 2.0 * math.pi))
+    x, y, degrees = round(x, 2) + 0.0, round(y, 2) + 0.0, round(float(turned), 1) + 0.0
+    return f"{x:.2f},{y:.2f},{degrees:.1f}deg"

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from mclcli.cli.clock import LogTime
     from mclcli.cli.options import MapLimits, ParameterOptions, SensorOptions
 
+_MOST_SEEDS = 10_000
+
 
 @final
 @dataclass(frozen=True, slots=True)
@@ -43,8 +45,10 @@ class RunOptions:
     tracks: tuple[str, ...]
     steps: str | None
     picture: str | None
+    as_json: bool
     init: str | None
     seed: int
+    seeds: tuple[int | None, int] | None
     particles: str | None
     recovery: Recovery | None
     follow_initialpose: bool
@@ -66,6 +70,32 @@ class RunOptions:
         """Files that are read, none of which may be written."""
         named = (*self.logs, self.map_file, self.topics.landmarks, self.parameters.params, self.init, self.truth)
         return [Path(name) for name in named if name and (name == "-" or Path(name).exists())]
+
+    @property
+    def seed_numbers(self) -> range:
+        """The seeds of --seeds: so many from --seed on, or from the first to the last; that of --seed without."""
+        if self.seeds is None:
+            return range(self.seed, self.seed + 1)
+        first, last = self.seeds
+        return range(self.seed, self.seed + last) if first is None else range(first, last + 1)
+
+
+def parse_seeds(ctx: click.Context, param: click.Parameter, value: str | None) -> tuple[int | None, int] | None:
+    """N or A:B of --seeds, as (None, N) or (A, B)."""
+    del ctx
+    if value is None:
+        return None
+    first, colon, last = value.partition(":")
+    numbers = (first, last) if colon else (first,)
+    if not all(number.isascii() and number.isdecimal() for number in numbers):
+        raise UsageError(f"{param.opts[0]}: '{value}' is neither a number of seeds nor FIRST:LAST; write 5 or 0:4")
+    if not colon:
+        if not 1 <= int(first) <= _MOST_SEEDS:
+            raise UsageError(f"{param.opts[0]}: {value} is not from 1 to {_MOST_SEEDS} seeds")
+        return None, int(first)
+    if not int(first) <= int(last) < 2**64 or int(last) - int(first) >= _MOST_SEEDS:
+        raise UsageError(f"{param.opts[0]}: '{value}' is no range of 1 to {_MOST_SEEDS} seeds below 2^64")
+    return int(first), int(last)
 
 
 def parse_offset(ctx: click.Context, param: click.Parameter, value: str | None) -> int:
@@ -210,7 +240,14 @@ run_options = options.all_of(
         "--steps", metavar="FILE", shell_complete=completion.files, help="A row per update, CSV; - is stdout."
     ),
     picture,
+    options.as_json,
     filtering,
+    click.option(
+        "--seeds",
+        metavar="N|A:B",
+        callback=parse_seeds,
+        help="Run with N seeds from --seed on, or with those from A to B; t.csv becomes t.0007.csv.",
+    ),
     truth,
     click.option(
         "--versus",

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 from mclcli.cli import console
+from mclcli.cli.run.ends import Ends
 from mclcli.errors import UsageError
 from mclcli.geometry.trajectory import Track
 from mclcli.io.traces.formats import OUTPUTS, About, format_of
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 # Options that change how mcl works or where it writes, not what comes out.
 _UNRECORDED = {"-o", "--output", "--track", "--steps", "--picture", "--threads", "--cache-dir", "--color"}
-_UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|-o.+")
+_UNRECORDED_FLAGS = re.compile(r"-[vq]+|--verbose|--quiet|--debug|--json|-o.+")
 
 
 @final
@@ -52,6 +53,7 @@ class Outputs:
         # Kept where something is made of it at the end: a log may be longer than memory.
         self.track = Track(whole=bool(options.picture or options.truth or options.versus))
         self.last_step: StepRecord | None = None
+        self.ends = Ends()
         self._targets = targets
         self._inputs = inputs
         self._about = About(
@@ -71,6 +73,11 @@ class Outputs:
         self._writers: list[Writer] = []
         self._waiting: list[tuple[Format, Output]] = []  # tables that no line was written to
         self._whole: list[Output] = []
+
+    @property
+    def keeps(self) -> bool:
+        """Whether anything is written."""
+        return bool(self._targets)
 
     @property
     def keeps_transforms(self) -> bool:
@@ -108,6 +115,7 @@ class Outputs:
         if self._waiting:
             self._begin()
         self.track.append(point)
+        self.ends.take(point)
         if point.step is not None:
             self.last_step = point.step
         for writer in self._writers:
@@ -151,7 +159,8 @@ def targets_of(options: RunOptions) -> list[Target]:
     targets += [("track", name) for name in options.tracks]
     if options.steps:
         targets.append(("steps", options.steps))
-    return checked(targets, () if options.picture else [("track", "-")])
+    wanted = options.picture or options.as_json or options.seeds is not None
+    return checked(targets, () if wanted else [("track", "-")])
 
 
 def checked(targets: Sequence[Target], instead: Sequence[Target]) -> list[Target]:
@@ -197,7 +206,7 @@ def _metadata(options: RunOptions, ready: Prepared) -> dict[str, object]:
         "odometry": setup.odometry,
         "logs": [Path(name).name for name in options.logs],
         "log_sha256": recording.log.digest(),
-        "argv": recorded_argv(sys.argv[1:]),
+        "argv": recorded_argv(sys.argv[1:], setup.localizer.seed),
     }
     if grid is not None:
         metadata["map"] = Path(options.map_file).name if options.map_file else "from the log"
@@ -209,13 +218,17 @@ def _metadata(options: RunOptions, ready: Prepared) -> dict[str, object]:
     return metadata
 
 
-def recorded_argv(argv: Sequence[str]) -> list[str]:
-    """Arguments that decide what comes out, files by their base names."""
+def recorded_argv(argv: Sequence[str], seed: int = 0) -> list[str]:
+    """Arguments that decide what comes out, files by their base names; of several seeds, the one that was used."""
     kept: list[str] = []
     rest = iter(argv)
     for word in rest:
         if word in _UNRECORDED:
             next(rest, None)
+        elif word == "--seeds" or word.startswith("--seeds="):
+            if word == "--seeds":
+                next(rest, None)
+            kept += ["--seed", str(seed)]
         elif word.partition("=")[0] not in _UNRECORDED and not _UNRECORDED_FLAGS.fullmatch(word):
             kept.append(_base_name(word))
     return kept

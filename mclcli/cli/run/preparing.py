@@ -103,11 +103,12 @@ def _from_flags(options: RunOptions) -> dict[str, object]:
 
 
 def _open(options: RunOptions) -> Recording:
+    from mclcli.cli import console
     from mclcli.io.logs import open_log
     from mclcli.io.recording.recording import Recording
 
     stdin = sys.stdin.buffer if "-" in options.logs else None
-    return Recording(open_log(options.logs, stdin=stdin), strict=options.strict)
+    return Recording(open_log(options.logs, stdin=stdin), strict=options.strict, watch=console.look)
 
 
 def _assign_roles(options: RunOptions, recording: Recording, chosen: Chosen) -> Roles:

@@ -1,10 +1,9 @@
-"""What ``mcl run`` tells its user: progress, a summary, a picture."""
+"""What ``mcl run`` tells its user at the end: a summary, a picture."""
 
 from __future__ import annotations
 
-import time
-from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, final
 
 import numpy as np
 
@@ -14,66 +13,25 @@ from mclcli.filter.fit import PROBABLY_LOST
 from mclcli.text import clean, counted
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from PIL.Image import Image
 
     from mclcli.arrays import BoolArray, IntArray
+    from mclcli.cli.run.ends import Ends
+    from mclcli.cli.run.options import RunOptions
+    from mclcli.cli.run.outcome import Outcome
     from mclcli.cli.run.outputs import Outputs
     from mclcli.cli.run.references import Findings
     from mclcli.geometry.trajectory import Track
     from mclcli.io.recording.recording import Recording
-    from mclcli.records import TrackPoint
     from mclcli.replay.loop import ReplayTally, Setup
     from mclcli.replay.tally import Stretch
     from mclcli.sensors.instruments import Instrument
     from mclcli.world.occupancy import OccupancyGrid
 
-_REDRAW_S = 0.1
 _STRETCHES = 5  # that a summary names
-
-
-@contextmanager
-def progress(recording: Recording, tally: ReplayTally) -> Iterator[Callable[[TrackPoint], None]]:
-    """Starts that were searched for, and live progress while stderr is a terminal: percent, × real time, ESS, pose."""
-    told = 0
-
-    def tell(_: TrackPoint) -> None:
-        nonlocal told
-        told = beginnings.tell(recording, tally, told)
-
-    if recording.survey.span_ns is None or not console.is_live():
-        yield tell
-        return
-    from rich.live import Live
-    from rich.text import Text
-
-    began = time.perf_counter()
-    first_ns, last_ns = recording.first_ns, recording.last_ns
-    drawn = 0.0
-    ess = ""
-    with Live(console=console.stderr(), transient=True, auto_refresh=False) as live:
-
-        def show(point: TrackPoint) -> None:
-            nonlocal drawn, ess
-            tell(point)
-            if point.step is not None:
-                ess = f"ESS {point.step.ess:.0f} of {len(point.step.weights)}"
-            now = time.perf_counter()
-            if now - drawn < _REDRAW_S:
-                return
-            drawn = now
-            part = (point.stamp_ns - first_ns) * 1e-9
-            done = min(1.0, (point.stamp_ns - first_ns) / max(last_ns - first_ns, 1))
-            share = f"{100 * done:3.0f} %  " if recording.log.seekable else ""
-            x, y, yaw = point.estimate.pose
-            speed = part / max(now - began, 1e-9)
-            pose = f"x {x:.2f} m  y {y:.2f} m  yaw {np.degrees(yaw):.0f}°"
-            line = f"{share}{part:.1f} s of the log  {speed:.0f} × real time  {ess}  {pose}"
-            live.update(Text(line, no_wrap=True, overflow="ellipsis"), refresh=True)
-
-        yield show
 
 
 def extent(tally: ReplayTally, track: Track) -> str:
@@ -81,27 +39,44 @@ def extent(tally: ReplayTally, track: Track) -> str:
     return f"{counted(tally.updates, 'update')} over {track.seconds:.1f} s and {tally.distance:.1f} m"
 
 
-def summarise(recording: Recording, setup: Setup, tally: ReplayTally, track: Track, seconds: float) -> list[str]:
+@final
+@dataclass(frozen=True, slots=True)
+class Summary:
+    """Lines on what a run did: ``facts``, ``doubts`` that change what its result means, and ``details`` of the last."""
+
+    facts: list[str]
+    doubts: list[str]
+    details: list[str]
+
+
+def summarise(outcome: Outcome) -> Summary:
     """What the run did, in a few lines."""
-    lines = [f"{extent(tally, track)} in {seconds:.2f} s ({track.seconds / seconds:.0f} × real time)"]
-    lines += beginnings.repeated(recording, tally)
+    outputs = outcome.outputs
+    return summary_of(outcome.recording, outcome.setup, outcome.tally, outputs.track, outputs.ends, outcome.seconds)
+
+
+def summary_of(
+    recording: Recording, setup: Setup, tally: ReplayTally, track: Track, ends: Ends, seconds: float
+) -> Summary:
+    """The same, of a run that took so many seconds, whatever became of its outputs."""
+    facts = [f"{extent(tally, track)} in {seconds:.2f} s ({track.seconds / seconds:.0f} × real time)"]
+    facts += beginnings.repeated(recording, tally)
+    facts += ends.lines(recording.first_ns)
+    doubts: list[str] = []
     for topic, instrument in setup.instruments.items():
-        lines.append(f"{instrument.name} {clean(topic)}: {tally.used[topic]} used{_skipped(tally, topic)}")
-        lines += _scored(instrument, tally)
-    if tally.degenerate:
-        lines.append(f"{counted(tally.degenerate, 'update')} ignored the measurement: no weight was left (degenerate)")
+        facts.append(f"{instrument.name} {clean(topic)}: {tally.used[topic]} used{_skipped(tally, topic)}")
+        facts += _scored(instrument, tally)
+        doubts += _unscored(instrument, tally)
     if tally.odometry_gaps:
-        lines.append(
+        facts.append(
             f"odometry {clean(setup.odometry)}: {counted(tally.odometry_gaps, 'gap')} over 1 s, the longest "
             f"{tally.longest_gap_ns * 1e-9:.1f} s; interpolated"
         )
-    return (
-        lines
-        + _resets(recording, setup, tally)
-        + _events_of(setup, tally)
-        + _losses(recording, tally)
-        + _unread(recording)
-    )
+    if tally.degenerate:
+        doubts.append(f"{counted(tally.degenerate, 'update')} ignored the measurement: no weight was left (degenerate)")
+    losses = _losses(recording, tally)
+    doubts += _resets(recording, setup, tally) + _unread(recording) + ends.doubts() + losses[:1]
+    return Summary(facts + _events_of(setup, tally), doubts, losses[1:])
 
 
 def _losses(recording: Recording, tally: ReplayTally) -> list[str]:
@@ -109,7 +84,7 @@ def _losses(recording: Recording, tally: ReplayTally) -> list[str]:
     if not tally.lost:
         return []
     total = sum(stretch.updates for stretch in tally.lost)
-    lines = [f"probably lost, or off the map, at {total} of {tally.updates} updates (reliability < {PROBABLY_LOST:g}):"]
+    lines = [f"probably lost, or off the map, at {total} of {tally.updates} updates (reliability < {PROBABLY_LOST:g})"]
     for stretch in tally.lost[:_STRETCHES]:
         begin, end = ((stamp_ns - recording.first_ns) * 1e-9 for stamp_ns in (stretch.first_ns, stretch.last_ns))
         (x0, y0), (x1, y1) = stretch.first, stretch.last
@@ -160,12 +135,44 @@ def _times(count: int) -> str:
     return "once" if count == 1 else f"{count} times"
 
 
+def tell(outcome: Outcome) -> None:
+    """Print the summary on stderr, its doubts last and as warnings."""
+    tell_summary(summarise(outcome))
+
+
+def tell_summary(summary: Summary) -> None:
+    """Print a summary on stderr, its doubts last and as warnings."""
+    for line in summary.facts:
+        console.remark(line)
+    for line in summary.doubts:
+        console.warn(line)
+    for line in summary.details:
+        console.remark(line)
+
+
 def show(lines: Sequence[str], report: str = "") -> None:
     """Print lines, and a report below them, on stderr."""
     for line in lines:
         console.remark(line)
     if report:
         console.block(report)
+
+
+def finish(options: RunOptions, outcome: Outcome, *, in_full: bool) -> None:
+    """Compare a run with its references, draw it, and say how to keep it: what follows the summary."""
+    from mclcli.cli.run.references import lines_of, report_of
+
+    findings = outcome.findings
+    compared = lines_of(findings)
+    if in_full:
+        show(compared, report_of(findings))
+    if options.picture:
+        title = f"Track of {', '.join(outcome.recording.log.names)}"
+        subtitle = compared[0] if compared else extent(outcome.tally, outcome.outputs.track)
+        lost = outcome.tally.lost
+        draw(options.picture, options.input_files, outcome.grid, outcome.outputs, findings, lost, title, subtitle)
+    elif in_full and not outcome.outputs.keeps and not options.as_json:
+        console.remark("nothing was kept; --track F.csv, --picture F.png or -o F.mcap would keep it")
 
 
 def draw(
@@ -245,15 +252,22 @@ def _scored(instrument: Instrument, tally: ReplayTally) -> Iterator[str]:
 
     name = instrument.name
     scored, unknown = tally.scored[name], tally.unknown[name]
-    if tally.updates and not scored:
-        what = "no beam was scored" if isinstance(instrument, Lidar) else "no sighting was scored"
-        why = "none of the readings that were picked (max_beams) is a return" * isinstance(instrument, Lidar)
-        yield f"{name}: {what} at any update, so that it told nothing{why and ': '}{why}"
     if isinstance(instrument, Lidar) and instrument.alpha == "auto" and scored:
         share, each = tally.independent[name] / scored, scored / tally.updates
         yield f"{name}: temperature {share:.2f} on average (auto): K_eff {share * each:.1f} of {each:.1f} an update"
     if unknown:
         yield f"{name}: {unknown} of {scored} sightings have an id that is not in the landmark map"
+
+
+def _unscored(instrument: Instrument, tally: ReplayTally) -> Iterator[str]:
+    """That a sensor told nothing, where it did not."""
+    from mclcli.sensors.instruments import Lidar
+
+    if not tally.updates or tally.scored[instrument.name]:
+        return
+    what = "no beam was scored" if isinstance(instrument, Lidar) else "no sighting was scored"
+    why = "none of the readings that were picked (max_beams) is a return" * isinstance(instrument, Lidar)
+    yield f"{instrument.name}: {what} at any update, so that it told nothing{why and ': '}{why}"
 
 
 def _unread(recording: Recording) -> list[str]:

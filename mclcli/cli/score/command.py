@@ -8,13 +8,14 @@ import click
 
 from mclcli.cli.options import into
 from mclcli.cli.score.options import ScoreOptions, score_options
-from mclcli.errors import InputError
+from mclcli.errors import InputError, UsageError
 
 if TYPE_CHECKING:
     from mclcli.arrays import FloatArray
     from mclcli.filter.parameters import FilterParameters
     from mclcli.sensors import Measurement
 
+_MANY = 200_000  # poses that take a while
 _WHAT = {"lidar": "beams", "vision": "bearings"}
 
 
@@ -27,7 +28,7 @@ def command(options: ScoreOptions) -> None:
     \b
         mcl extract LOG --at 12.3 | mcl score - --map m.yaml --around 1,2,90deg -n 1000 | sort -t, -k5 -g | tail
     """  # noqa: D301 - click's mark for a verbatim paragraph
-    from mclcli.cli import console
+    from mclcli.cli import console, results
     from mclcli.cli.chosen import choose_settings, warn_of_turned_map
     from mclcli.cli.one_scan import find_scan
     from mclcli.cli.score import explain, output
@@ -35,6 +36,9 @@ def command(options: ScoreOptions) -> None:
     from mclcli.cli.score.sensors import instruments
     from mclcli.filter import weights
 
+    results.keep_stdout_free((options.output,), as_json=options.as_json)
+    if options.as_json and (options.explain or options.picture):
+        raise UsageError("--json prints poses, --explain and --picture show the beams of one; give one of them")
     chosen = choose_settings(options.parameters, {} if options.as_run else {"max_beams": 0})
     settings = chosen.settings
     grid = options.map_limits.load(options.map_file)
@@ -46,7 +50,8 @@ def command(options: ScoreOptions) -> None:
         return
     used = instruments(options, settings, grid, scan, len(candidates.poses))
     measurements = [instrument.measure(reading, mount) for instrument, reading, mount in used]
-    log_likelihoods = weights.score(measurements, candidates.poses)
+    with console.waiting(f"scoring {len(candidates.poses)} poses", long=len(candidates.poses) > _MANY):
+        log_likelihoods = weights.score(measurements, candidates.poses)
     alphas = _alphas(measurements, log_likelihoods, candidates.poses, settings.filter, as_run=options.as_run)
     log_weights = weights.temper(alphas, log_likelihoods)
     console.remark(_how(options, measurements, alphas))
@@ -56,8 +61,10 @@ def command(options: ScoreOptions) -> None:
         candidates, measurements, alphas, log_likelihoods, log_weights, weights.normalise(log_weights)
     )
     inputs = options.input_files
-    if options.output or not options.heatmap:
+    if options.output or not (options.heatmap or options.as_json):
         output.write(result, options.output or "-", inputs, scan, grid)
+    if options.as_json:
+        results.print_json(output.facts(result, scan, options.map_file.name))
     if options.heatmap:
         output.draw(result, options.heatmap, inputs, grid, options.map_file.name)
 

@@ -53,6 +53,7 @@ class ScoreOptions:
     explain: bool
     as_run: bool
     picture: str | None
+    as_json: bool
     parameters: ParameterOptions
     sensors: SensorOptions
     map_limits: MapLimits
@@ -167,6 +168,7 @@ score_options = options.all_of(
         callback=parse_picture,
         help="With --explain: draw the scan on the map, coloured by log p.",
     ),
+    options.as_json,
     options.parameters,
     options.sensors,
     options.map_limits,

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, Any, final
 
 import numpy as np
 
 from mclcli.cli import console, pictures
+from mclcli.cli.results import seconds
 from mclcli.errors import InputError
 from mclcli.filter import estimate, weights
 from mclcli.io.traces.output import open_output
@@ -50,6 +51,27 @@ def write(scores: Scores, target: str, inputs: Sequence[Path], scan: MountedScan
             output.write(rows)
 
 
+def facts(scores: Scores, scan: MountedScan, map_name: str) -> dict[str, Any]:
+    """The result for --json: every pose in input order, the best one, and how they were scored."""
+    sensors = [m.sensor for m in scores.measurements]
+    columns = {
+        **{name: scores.candidates.poses[:, i] for i, name in enumerate(("x", "y", "yaw"))},
+        **{f"log_{name}": row for name, row in zip(sensors, scores.log_likelihoods, strict=True)},
+        "log_weight": scores.log_weights,
+        "weight": scores.weights,
+    }
+    rows = zip(*(values.tolist() for values in columns.values()), strict=True)
+    poses = [dict(zip(columns, row, strict=True)) for row in rows]
+    used = zip(scores.measurements, scores.alphas, strict=True)
+    return {
+        "map": map_name,
+        "stamp": seconds(scan.scan.stamp_ns),
+        "sensors": {m.sensor: {"scored": m.count, "alpha": alpha} for m, alpha in used},
+        "best": {"index": int(np.argmax(scores.log_weights)), **poses[int(np.argmax(scores.log_weights))]},
+        "poses": poses,
+    }
+
+
 def _rows(scores: Scores) -> Iterator[str]:
     """The CSV in blocks of whole rows; numbers in their shortest form that reads back the same."""
     names = [f"log_{m.sensor}" for m in scores.measurements]
@@ -58,7 +80,7 @@ def _rows(scores: Scores) -> Iterator[str]:
     values = (*scores.candidates.poses.T, *scores.log_likelihoods, scores.log_weights, scores.weights)
     texts = scores.candidates.texts if scores.candidates.columns else []
     for start in range(0, scores.weights.size, _BLOCK):
-        columns = [map(repr, column[start : start + _BLOCK].tolist()) for column in values]
+        columns = [map(repr, (column[start : start + _BLOCK] + 0.0).tolist()) for column in values]  # no -0.0
         numbers = map(",".join, zip(*columns, strict=True))
         if texts:
             others = (",".join(map(csv_text, row)) for row in texts[start : start + _BLOCK])

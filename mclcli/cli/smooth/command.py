@@ -91,7 +91,9 @@ def _targets(options: SmoothOptions, inputs: Sequence[Path]) -> list[Target]:
 def _smooth(ready: Prepared, references: References, tally: ReplayTally) -> tuple[Smoothed, float]:
     """The track, and how long it took once the filter was done [s]."""
     from mclcli.cli.run import report as run_report
+    from mclcli.cli.run.ends import Ends
     from mclcli.cli.run.preparing import require_updates
+    from mclcli.cli.run.progress import progress
     from mclcli.geometry.trajectory import Track
     from mclcli.io.maps.field_cache import cached_field
     from mclcli.replay.loop import replay
@@ -102,15 +104,17 @@ def _smooth(ready: Prepared, references: References, tally: ReplayTally) -> tupl
     if ready.setup.map_topic:
         raise InputError(f"the log changes its map on {ready.setup.map_topic}; smoothing takes one: give --map")
     began = time.perf_counter()
-    smoothing, filtered = Smoothing(ready.setup), Track(whole=False)
+    smoothing, filtered, ends = Smoothing(ready.setup), Track(whole=False), Ends()
     events = smoothing.passing(ready.events(references))
-    with run_report.progress(ready.recording, tally) as show:
+    with progress(ready.recording, tally) as show:
         for point in replay(events, ready.setup, tally):
             smoothing.take(point)
             filtered.append(point)
+            ends.take(point)
             show(point)
     require_updates(tally, ready.setup, ready.recording)
-    run_report.show(run_report.summarise(ready.recording, ready.setup, tally, filtered, time.perf_counter() - began))
+    seconds = time.perf_counter() - began
+    run_report.tell_summary(run_report.summary_of(ready.recording, ready.setup, tally, filtered, ends, seconds))
     began = time.perf_counter()
     found = smoothing.finish(ready.grid, lambda *what, **how: cached_field(*what, **how)[0])
     return found, time.perf_counter() - began

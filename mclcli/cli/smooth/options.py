@@ -23,7 +23,9 @@ class SmoothOptions:
 
 def from_arguments(*, as_json: bool, **arguments: Any) -> SmoothOptions:
     """The options from what click hands over; a run of the smoother's own writes nothing but the track."""
-    return SmoothOptions(RunOptions(traces=(), steps=None, versus=None, **arguments), as_json)
+    return SmoothOptions(
+        RunOptions(traces=(), steps=None, versus=None, as_json=False, seeds=None, **arguments), as_json
+    )
 
 
 smooth_options = options.all_of(

@@ -18,13 +18,15 @@ from mclcli.io.recording.survey import LogSurvey, survey_log
 from mclcli.records import NextLog
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from mclcli.arrays import FloatArray
     from mclcli.io.logs import Log
     from mclcli.io.logs.base import RawMessage
     from mclcli.io.logs.spans import Strand
     from mclcli.io.recording.diagnosis import Diagnosis
+
+    Watch = Callable[[Iterator[RawMessage]], Iterator[RawMessage]]
 
 _HEAD_NS = 10_000_000_000
 _HEAD_BYTES = 64 * 2**20
@@ -48,12 +50,18 @@ class Recording:
 
     A file is looked through whole. A pipe cannot be read twice: its first 10 s are kept and looked through, and what
     comes later goes by once, unless the ``whole`` of it is only to be looked at. ``tally`` counts what was read;
-    ``diagnosis`` sees all that is looked through; ``clocks`` are those of stamps and log times. Of several logs those
-    that follow one another make up a strand; ``strands`` are read one after the other.
+    ``diagnosis`` sees all that is looked through, ``watch`` passes it on; ``clocks`` are those of stamps and log times.
+    Of several logs those that follow one another make up a strand; ``strands`` are read one after the other.
     """
 
     def __init__(
-        self, log: Log, *, strict: bool = False, whole: bool = False, diagnosis: Diagnosis | None = None
+        self,
+        log: Log,
+        *,
+        strict: bool = False,
+        whole: bool = False,
+        diagnosis: Diagnosis | None = None,
+        watch: Watch | None = None,
     ) -> None:
         self.log = log
         self.tally = Tally()
@@ -62,6 +70,7 @@ class Recording:
         self.survey = LogSurvey(complete=log.seekable or whole)
         messages = log.messages(None, self.tally, strict=strict, origin=self._origin)
         if self.survey.complete:
+            messages = watch(messages) if watch else messages
             survey_log(diagnosis.watch(messages) if diagnosis else messages, self.survey)
             seen = self.survey.topics
             self.survey.silent = {of.topic: of for of in self.tally.channels if of.topic not in seen}

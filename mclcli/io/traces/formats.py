@@ -25,6 +25,7 @@ OUTPUTS: dict[Role, dict[str, str]] = {
         ".csv": "mclcli.io.traces.trace_csv:TRACE",
         ".csv.gz": "mclcli.io.traces.trace_csv:TRACE",
         ".mcap": "mclcli.io.traces.trace_mcap:TRACE",
+        ".parquet": "mclcli.io.traces.trace_parquet:TRACE",
     },
     "track": {".csv": "mclcli.io.traces.track_csv:TRACK", ".tum": "mclcli.io.tables.tum:TRACK"},
     "steps": {".csv": "mclcli.io.traces.trace_csv:STEPS"},

@@ -68,7 +68,7 @@ class TraceCsv:
         require_finite("weight", record.weights)
         sensors = self._start(record.sensors)
         n = len(record.poses)
-        logs = _columns(sensors, record)
+        logs = columns_of(sensors, record)
         block = np.column_stack([record.poses, logs.T, record.log_weights, record.weights])
         prefix = f"{record.step},{stamp_text(record.stamp_ns)},"
         for first in range(0, n, _ROWS):
@@ -199,8 +199,15 @@ def _rows_compiled(kernels: SimpleNamespace, prefix: str, first: int, block: Flo
     return text if rows == len(block) else text + _rows(prefix, first + rows, block[rows:])
 
 
-def _columns(sensors: tuple[str, ...], record: StepRecord) -> FloatArray:
-    """Log-likelihoods (S, N) in the order of the columns; NaN for a sensor without measurements."""
+def columns_of(sensors: tuple[str, ...], record: StepRecord) -> FloatArray:
+    """Log-likelihoods (S, N) in the order of ``sensors``; NaN for one without measurements.
+
+    Raises
+    ------
+    ValueError
+        If the record has a sensor that is not among them.
+
+    """
     _require_columns(sensors, record)
     if sensors == record.sensors:
         return record.log_likelihoods

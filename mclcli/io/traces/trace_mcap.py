@@ -36,6 +36,7 @@ _TYPES = {
     "/mcl/hypotheses": "nav2_msgs/msg/ParticleCloud",
     "/scan": "sensor_msgs/msg/LaserScan",
 }
+_HELD = 4096  # messages of transforms at most; beyond, no point comes any more
 _STREAMS = {
     name: ros2_stream(name, kind, messages.definition(kind), latched=name in {"/map", "/tf_static"})
     for name, kind in _TYPES.items()
@@ -53,7 +54,7 @@ class TraceMcap:
     raised by a later call, ``close`` at the latest (see ``ChunkedMcap``).
     """
 
-    __slots__ = ("_backend", "_base", "_file", "_grid", "_has_base", "_map", "_odom", "_started", "_statics")
+    __slots__ = ("_backend", "_base", "_file", "_grid", "_has_base", "_held", "_map", "_odom", "_started", "_statics")
 
     def __init__(
         self,
@@ -74,6 +75,7 @@ class TraceMcap:
         self._statics = [t for t in static_transforms if self._is_kept(t)]
         self._has_base = any(t.child == base_frame for t in self._statics)
         self._started = False
+        self._held: list[tuple[int, list[Transform]]] = []  # recorded, later than the last point
         records = {
             "mcl": {**metadata, "rounding": messages.ROUNDING},
             "rosbag2": {"serialized_metadata": ROSBAG2},
@@ -83,11 +85,16 @@ class TraceMcap:
         )
 
     def transforms(self, stamp_ns: int, transforms: Sequence[Transform]) -> None:
-        """Pass on one recorded /tf message, received at ``stamp_ns``."""
+        """Pass on one recorded /tf message, received at ``stamp_ns``.
+
+        It is held until a point has come up to it, so that log times are in order: a point waits for odometry.
+        """
         kept = [transform for transform in transforms if self._is_kept(transform)]
         if kept:
             self._has_base |= any(transform.child == self._base for transform in kept)
-            self._file.add(stamp_ns, [*self._beginning(stamp_ns), ("/tf", messages.tf_message(kept))])
+            self._held.append((stamp_ns, kept))
+            if len(self._held) > _HELD:
+                self._pass_on(self._held[_HELD // 2][0])
 
     def write(self, point: TrackPoint) -> None:
         """Append one track point, with the scan and the step made there, if any.
@@ -100,6 +107,7 @@ class TraceMcap:
         """
         require_finite("estimate", point.estimate.pose)
         stamp, pose = point.stamp_ns, point.estimate.pose
+        self._pass_on(stamp)
         batch = self._beginning(stamp)
         batch.append(("/tf", messages.tf_message(self._own_transforms(point))))
         batch.append(("/mcl/pose", messages.pose_stamped(stamp, self._map, pose)))
@@ -113,8 +121,16 @@ class TraceMcap:
         self._file.add(stamp, batch)
 
     def close(self) -> None:
-        """Finish the file: the chunk in progress, indexes, summary. Later calls do nothing."""
+        """Finish the file: what is held, the chunk in progress, indexes, summary. Later calls do nothing."""
+        self._pass_on(None)
         self._file.close()
+
+    def _pass_on(self, until_ns: int | None) -> None:
+        """Write the transforms that are held, up to a stamp, in the order of their stamps; None: all of them."""
+        due = [held for held in self._held if until_ns is None or held[0] <= until_ns]
+        self._held = [held for held in self._held if until_ns is not None and held[0] > until_ns]
+        for stamp_ns, kept in sorted(due, key=lambda held: held[0]):
+            self._file.add(stamp_ns, [*self._beginning(stamp_ns), ("/tf", messages.tf_message(kept))])
 
     def _is_kept(self, transform: Transform) -> bool:
         return transform.parent != self._map and transform.child != self._odom
