@@ -73,7 +73,7 @@ def test_init_by_numbers(run_short: Runner) -> None:
     exact = run_short("--particles", 1, init="-7.41,1.66,-83deg,0,0")
     first = exact.table.rows[0]
     assert [float(text) for text in first[1:4]] == pytest.approx([-7.41, 1.66, math.radians(-83)], abs=1e-9)
-    assert set(first[4:10]) == {"0"}
+    assert first[4:10] == ["2.5e-05", "0", "0", "2.5e-05", "0", "7.61543549e-07"]  # the floor of what is stated
 
 
 def test_init_by_a_file(run_short: Runner, tmp_path: Path) -> None:
