@@ -70,7 +70,7 @@ def test_poses_climb_towards_the_truth(off: list[float]) -> None:
 
 def test_no_pose_leaves_its_reach() -> None:
     reach = np.array([0.02, 0.03, 0.001])
-    how = Refinement(reach, SPACING, 1.0, np.zeros(3))
+    how = Refinement(reach, SPACING, 1.0, np.zeros((3, 3)))
     starts = TRUE + np.array([[0.1, 0.1, 0.01], [-0.1, -0.08, -0.01]])
     poses, _ = refine.refine(MODEL, BEAMS, starts, how)
     moved = np.abs(poses - starts)
@@ -81,7 +81,7 @@ def test_no_pose_leaves_its_reach() -> None:
 def test_what_is_known_before_holds_a_pose_back() -> None:
     start = (TRUE + np.array([0.04, 0.0, 0.0]))[np.newaxis]
     loose, tight = (
-        refine.refine(MODEL, BEAMS, start, Refinement(np.full(3, 0.2), SPACING, 1.0, np.full(3, precision)))[0][0]
+        refine.refine(MODEL, BEAMS, start, Refinement(np.full(3, 0.2), SPACING, 1.0, precision * np.eye(3)))[0][0]
         for precision in (0.0, 1e7)
     )
     assert np.abs(loose - start[0]).max() > 0.004
@@ -118,6 +118,6 @@ def test_yaws_are_wrapped() -> None:
 def test_reaches() -> None:
     near, far = refine.on_lattice(SPACING, 0.3), refine.after_drift(SPACING, 0.3)
     np.testing.assert_array_equal(near.reach, 2.0 * SPACING)
-    np.testing.assert_array_equal(near.precision, np.zeros(3))
+    np.testing.assert_array_equal(near.precision, np.zeros((3, 3)))
     np.testing.assert_allclose(far.reach, [0.3, 0.3, math.radians(10.0)])
-    np.testing.assert_allclose(far.precision, [0.15**-2, 0.15**-2, math.radians(5.0) ** -2])
+    np.testing.assert_allclose(far.precision, np.diag([0.15**-2, 0.15**-2, math.radians(5.0) ** -2]))

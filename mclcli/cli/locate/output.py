@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from typing import TYPE_CHECKING, final
 
@@ -121,6 +120,11 @@ def _numbers(mode: Mode) -> list[float]:
     return [*mode.pose.tolist(), *upper, mode.log_likelihood, mode.log_beam, mode.share, mode.low, mode.high]
 
 
+def _not_listed(location: Location) -> float:
+    """Probability of all places on the map but those listed."""
+    return max(0.0, 1.0 - location.elsewhere - sum(mode.share for mode in location.modes))
+
+
 def _lines(location: Location, stamp_ns: int) -> Iterator[str]:
     for rank, mode in enumerate(location.modes):
         texts = ["" if np.isnan(value) else repr(float(value)) for value in [*_numbers(mode), location.elsewhere]]
@@ -132,16 +136,17 @@ def _as_json(location: Location, stamp_ns: int, min_share: float) -> dict[str, o
     modes = []
     for rank, mode in enumerate(location.modes):
         numbers = [None if np.isnan(value) else float(value) for value in _numbers(mode)]
-        modes.append({"rank": rank + 1, **dict(zip(COLUMNS[2:-1], numbers, strict=True))})
+        terms = {name: float(value) for name, value in mode.terms.items()}
+        modes.append({"rank": rank + 1, **dict(zip(COLUMNS[2:-1], numbers, strict=True)), "evidence": terms})
     return {
         "stamp": stamp_text(stamp_ns),
         "ambiguous": bool(location.modes[0].share < min_share),
         "modes": modes,
         "not_on_map": float(location.elsewhere),
+        "not_listed": float(_not_listed(location)),
         "maximum": float(location.maximum),
         "lattice": {"cell": location.cell, "angle": location.angle, "poses": location.poses},
         "temperature": location.alpha,
         "beams": location.beams,
         "enumerated": {"nats": location.nats, "poses": location.leaves},
-        "figures": dataclasses.asdict(location.figures),
     }
