@@ -7,9 +7,10 @@ all (``evidence``, ``posterior``). The formula is in docs/locate.md.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
+
+import numpy as np
 
 from mclcli.search import candidates, evidence
 from mclcli.search.places import find_places
@@ -116,26 +117,25 @@ def locate(scene: Scene, view: View, parameters: SearchParameters, k: int, tempe
 
 def _modes(scene: Scene, view: View, places: Places, weighed: Evidence, shares: Posterior, k: int) -> tuple[Mode, ...]:
     """The foremost places."""
-    modes = []
-    for rank, number in enumerate(shares.order[:k].tolist()):
-        path = places.paths[number]
-        log_likelihood, log_beam = math.fsum(weighed.bearings[number : number + 1]), 0.0
-        for pose, sight in zip(path, view.sights, strict=True):
-            log_likelihood += float(scene.model.measure("lidar", sight.beams).log_likelihood(pose[None])[0])
-            log_beam += float(scene.rays.measure("lidar", sight.rays).log_likelihood(pose[None])[0])
-        modes.append(
-            Mode(
-                pose=path[-1],
-                covariance=places.covariances[number],
-                began=path[0],
-                spread=places.first[number],
-                log_likelihood=log_likelihood,
-                log_beam=log_beam,
-                share=float(shares.shares[rank]),
-                low=float(shares.low[rank]),
-                high=float(shares.high[rank]),
-                terms={name: float(getattr(weighed, name)[number]) for name in evidence.Evidence.__slots__},
-                number=number,
-            )
+    foremost = shares.order[:k]
+    log_likelihood, log_beam = weighed.bearings[foremost], np.zeros(len(foremost))
+    for n, sight in enumerate(view.sights):
+        poses = np.ascontiguousarray(places.paths[foremost, n])
+        log_likelihood = log_likelihood + scene.model.measure("lidar", sight.beams).log_likelihood(poses)
+        log_beam += scene.rays.measure("lidar", sight.rays).log_likelihood(poses)
+    return tuple(
+        Mode(
+            pose=places.paths[number, -1],
+            covariance=places.covariances[number],
+            began=places.paths[number, 0],
+            spread=places.first[number],
+            log_likelihood=float(log_likelihood[rank]),
+            log_beam=float(log_beam[rank]),
+            share=float(shares.shares[rank]),
+            low=float(shares.low[rank]),
+            high=float(shares.high[rank]),
+            terms={name: float(getattr(weighed, name)[number]) for name in evidence.Evidence.__slots__},
+            number=number,
         )
-    return tuple(modes)
+        for rank, number in enumerate(foremost.tolist())
+    )

@@ -40,12 +40,13 @@ def posterior(evidence: Evidence, left_out: float, off_map_prior: float, law: La
     top = float(here.max())
     mass = np.exp(here - top)
     inside = float(mass.sum())
+    most = inside * left_out
+    missed = math.exp(law.unlisted) * most
     strange = 0.0
     if off_map_prior > 0.0:
         prior = math.log(off_map_prior / (1.0 - off_map_prior)) - math.log(_USUAL / (1.0 - _USUAL)) + law.doubt
         strange = math.exp(min(prior + float(np.logaddexp.reduce(evidence.not_here)) - top, 700.0))
-    most = inside * left_out
-    missed = math.exp(law.unlisted) * most
+        strange *= 1.0 + missed / inside  # what was not listed may be resembled as well
     order = np.argsort(-here, kind="stable")
     whole = inside + strange + missed
     share = mass[order]

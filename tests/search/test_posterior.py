@@ -26,7 +26,8 @@ def evidence(strange: FloatArray) -> Evidence:
 def test_shares_are_the_masses_over_the_sum_of_all() -> None:
     found = posterior(evidence(HERE - 2.0), 0.3, 0.05)
     inside = np.exp(HERE).sum()
-    missed, strange = 0.3 * math.exp(LAW.unlisted) * inside, math.exp(LAW.doubt - 2.0) * inside
+    missed = 0.3 * math.exp(LAW.unlisted) * inside
+    strange = math.exp(LAW.doubt - 2.0) * (inside + missed)
     whole = inside + missed + strange
     assert found.order.tolist() == [1, 2, 0]
     np.testing.assert_allclose(found.shares, np.exp([0.0, -1.0, -3.0]) / whole)

@@ -64,7 +64,7 @@ def test_poses_climb_towards_the_truth(off: list[float]) -> None:
     start = TRUE + np.array(off)
     (pose,), _ = refine.refine(MODEL, BEAMS, start[np.newaxis], refine.on_lattice(SPACING, 1.0))
     low, high, top = bilinear().measure("lidar", BEAMS).log_likelihood(np.array([start, pose, TRUE]))
-    assert high - low > 0.2 * (top - low) > 0.0
+    assert high - low > 0.15 * (top - low) > 0.0
     assert np.hypot(*(pose - TRUE)[:2]) < 0.05
 
 

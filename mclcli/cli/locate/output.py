@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 import numpy as np
 
 from mclcli.cli import console, pictures
+from mclcli.cli.one_scan import is_log
 from mclcli.errors import InputError
 from mclcli.io.traces.sinks import stamp_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
     from mclcli.cli.locate.options import LocateOptions
     from mclcli.replay.finder import GlobalSearch
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
     from mclcli.sensors.observation import Observation
     from mclcli.world.occupancy import OccupancyGrid
 
+_LONG_NS = 30 * 10**9  # a window that is no longer than this may be longer
 COLUMNS = (
     "stamp", "rank", "x", "y", "yaw", "cov_xx", "cov_xy", "cov_xyaw", "cov_yy", "cov_yyaw", "cov_yawyaw",
     "log_likelihood", "log_beam", "share", "share_low", "share_high", "not_on_map",
@@ -81,14 +83,13 @@ class Results:
             console.remark(f"{self.count} scans, {self.count - self.ambiguous} of them unambiguous")
             return
         x, y, yaw = best.pose
-        doubt = "ambiguous: " if self.ambiguous else ""
         console.remark(
-            f"{doubt}{x:.3f},{y:.3f},{np.degrees(yaw):.2f}deg with probability {_floor(best.share)}; "
-            f"log-likelihood {best.log_likelihood:.2f}, the greatest of {location.poses} poses {location.maximum:.2f}; "
-            f"not on this map {_floor(location.elsewhere)}"
+            f"{_verdict(location, self._options.min_share)}{x:.3f},{y:.3f},{np.degrees(yaw):.2f}deg with probability "
+            f"{_floor(best.share)}; log-likelihood {best.log_likelihood:.2f}, the greatest of {location.poses} poses "
+            f"{location.maximum:.2f}; not on this map {_floor(location.elsewhere)}"
         )
         if self.ambiguous:
-            console.remark("a longer --window, --prior or --region may tell the places apart")
+            console.remark(_advice(location, self._options))
 
     def _draw(self, target: str, location: Location, moment: Sequence[Observation]) -> None:
         from mclcli.geometry import se2
@@ -108,6 +109,23 @@ class Results:
             f"{location.beams} beams, {location.poses:.3g} poses, temperature {location.alpha:.2f}",
         )
         pictures.save(picture, target, self._inputs)
+
+
+def _verdict(location: Location, min_share: float) -> str:
+    """What is to be thought of the best place, before it is named."""
+    best = location.modes[0].share
+    if location.elsewhere > max(best, 0.5):
+        return f"not on this map (probability {_floor(location.elsewhere)}); if it is, then rather at "
+    return "ambiguous: " if best < min_share else ""
+
+
+def _advice(location: Location, options: LocateOptions) -> str:
+    """What may help."""
+    if location.elsewhere > max(location.modes[0].share, 0.5):
+        return "give the map of where the robot was, or a lower --set off_map_prior=P if this one is sure to be it"
+    path = Path(options.source.scan)
+    longer = "a longer --window, " if (options.window_ns or 0) < _LONG_NS and path.exists() and is_log(path) else ""
+    return f"{longer}--prior or --region may tell the places apart"
 
 
 def _floor(share: float) -> str:
