@@ -48,7 +48,7 @@ _JUMPS = Jumps(0.05, 5.0)
 _WHITE = 0.04  # nats²
 _MODES = 16  # places that particles are shared among
 _SURE = 0.9  # share of the best place from which on a start needs to see no more
-_PATIENCE = 12  # chosen scans after which a start begins, sure or not
+_LOOKS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])  # m on the way at which a start in doubt looks again; then it begins
 _LEAST_SPREAD = np.square([0.05, 0.05, math.radians(1.0)])  # particles closer together would be one
 
 
@@ -216,7 +216,7 @@ def _censored(settings: Settings) -> BeamParameters:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundOnMap:
-    """Start where the first readings are found on the map; more of them are waited for while they leave doubt.
+    """Start where the first readings are found on the map; while they leave doubt, it looks again further on the way.
 
     Each place gets particles by its share; what is left to chance is spread over the map.
     """
@@ -227,10 +227,10 @@ class FoundOnMap:
     def place(self, opening: Opening, n: int, rng: np.random.Generator) -> Placed | Patience:
         """Particles at ``opening.stamp_ns``, and how probable each place is."""
         odometry = np.array([o.odom_from_base for o in opening.observations])
-        scans = window.spread(odometry, _PATIENCE)
-        last = opening.complete or scans.size >= _PATIENCE
-        if not last and len(odometry) > 1 and scans.size == window.spread(odometry[:-1], _PATIENCE).size:
-            return Patience.HOLD  # it has seen nothing new
+        way = np.append(0.0, np.cumsum(window.ways(odometry)))
+        last = opening.complete or way[-1] >= _LOOKS[-1]
+        if not last and len(way) > 1 and not ((way[-2] < _LOOKS) & (way[-1] >= _LOOKS)).any():
+            return Patience.HOLD  # it has seen little that is new
         location = self.search.find(opening.observations, _MODES)
         if not last and (location is None or location.modes[0].share < _SURE):
             return Patience.HOLD

@@ -35,7 +35,7 @@ class Law:
 
 LAW = Law(
     ends=0.95,
-    rays=0.5,
+    rays=0.25,
     rates=(0.01, 0.03, 0.1, 0.3, 0.6),
     changed=0.55,
     fitting=0.1,
