@@ -78,7 +78,11 @@ def find_places(
     alphas = [temper(log_p) if log_p.size > 1 else 1.0 for log_p in each]
     ends = Ends(models, beams, np.full(len(models), float(np.mean(alphas))))
     smoothed = tracks.settle(paths, ends, view, _SMOOTHING)
-    return _merged(smoothed.poses, smoothed.costs, smoothed.odometry_costs.sum(axis=1), ends, view, spacing, radii)
+    paths = smoothed.poses.copy()
+    for k in (0, -1):  # errors of odometry that are the same all along, a wrong scale, bend a path at its ends
+        how = refine.after_drift(spacing, 1.0)
+        paths[:, k], _ = refine.refine(models[k], beams[k], paths[:, k], how)
+    return _merged(paths, smoothed.costs, smoothed.odometry_costs.sum(axis=1), ends, view, spacing, radii)
 
 
 def _of_one_scan(found: Candidates, ends: Ends, view: View, spacing: FloatArray, radii: FloatArray) -> Places:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, final
 import numpy as np
 
 from mclcli.geometry import se2
+from mclcli.native.backend import COMPILED
 from mclcli.search import refine
 from mclcli.search.refine import Refinement
 from mclcli.smooth import chain, tridiagonal
@@ -149,4 +150,4 @@ def interpolating(model: LikelihoodField, outliers: float, r_max: float) -> Like
         hit_normalised="no",
         off_map="max_dist",
     )
-    return dataclasses.replace(model, parameters=parameters)
+    return dataclasses.replace(model, parameters=parameters, backend=COMPILED)
