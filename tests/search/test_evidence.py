@@ -94,6 +94,6 @@ def test_a_wall_that_is_not_there_cannot_take_the_true_place_away() -> None:
     ghost[30:50, 70] = 100
     haunted = dataclasses.replace(grid, cells=ghost)
     mode = _found(finder_for(haunted).find(seen_from(grid, POSE), 5)).modes[0]
-    assert mode.terms["rays"] < -0.5
+    assert mode.terms["rays"] < -0.2
     assert math.hypot(mode.pose[0] - POSE[0], mode.pose[1] - POSE[1]) < 0.1
     assert mode.share > 0.5
