@@ -15,11 +15,12 @@ from mclcli.filter.start import Patience, Placed
 from mclcli.geometry import se2, se3
 from mclcli.records import LandmarkSightings, LaserScan
 from mclcli.search import lattice, locating, scene, window
-from mclcli.search.scene import Scene, View
+from mclcli.search.scene import Scene, Sight, Stretch, View
 from mclcli.sensors import beams, bearing
 from mclcli.sensors.beam import BeamModel
 from mclcli.sensors.beam_forms import BeamParameters
 from mclcli.sensors.bearing import BearingModel
+from mclcli.smooth.odometry import Jumps, Odometry
 from mclcli.world.raycast import make_caster
 
 if TYPE_CHECKING:
@@ -41,10 +42,13 @@ if TYPE_CHECKING:
 
     MakePyramid = Callable[[DistanceField], Pyramid]
 
+_STRETCH = 4  # scans whose odometry is as good as rigid
+_BEAMS_OF_A_SIGHT = 60
+_JUMPS = Jumps(0.05, 5.0)
 _WHITE = 0.04  # nats²
 _MODES = 16  # places that particles are shared among
-_SURE = 0.9  # share of the best place from which on a start needs to see no more
-_PATIENCE = 12  # chosen scans after which a start begins, sure or not
+_SURE = 0.9  # share of the best place from which on a start needs to see no more; hardly any is above 0.93
+_LOOKS = np.array([0.5, 1.0, 2.0, 4.0, 8.0])  # m on the way at which a start in doubt looks again; then it begins
 _LEAST_SPREAD = np.square([0.05, 0.05, math.radians(1.0)])  # particles closer together would be one
 
 
@@ -81,15 +85,41 @@ class GlobalSearch:
         scans = self._chosen([o for o in observations if isinstance(o.reading, LaserScan)])
         if not scans:
             return None
-        selection = self._selection(len(scans))
-        rays = dataclasses.replace(selection, max_range="no_return", beam_origin="sensor")
+        poses = np.array([scan.odom_from_base for scan in scans])
+        joined = self._selection(len(scans))
         return View(
-            _joined(scans, now, selection),
-            _joined(scans, now, rays),
+            _joined(scans, now, joined),
+            tuple(self._sight(scan, len(scans)) for scan in scans),
+            self._between(poses),
+            window.ways(poses),
+            tuple(
+                Stretch(part[-1], _joined([scans[i] for i in part], poses[part[-1]], self._selection(len(part))))
+                for part in window.stretches(len(scans), _STRETCH)
+            ),
             tuple(self._bearings(o, now) for o in observations if isinstance(o.reading, LandmarkSightings)),
             BearingModel(self.settings.bearing),
-            tuple(_joined(scans[-few:], now, self._selection(few)) for few in window.halves(len(scans))),
         )
+
+    def _sight(self, scan: Observation, scans: int) -> Sight:
+        """One scan alone."""
+        assert isinstance(scan.reading, LaserScan)  # noqa: S101 - see view()
+        selection = self._selection(1)
+        if scans > 1:
+            selection = dataclasses.replace(selection, max_beams=min(selection.max_beams, _BEAMS_OF_A_SIGHT))
+        rays = dataclasses.replace(selection, max_range="no_return", beam_origin="sensor")
+        chosen = (beams.select(scan.reading, scan.base_from_sensor, how) for how in (selection, rays))
+        return Sight(*chosen)
+
+    def _between(self, poses: FloatArray) -> Odometry | None:
+        """Odometry between places (n, 3) by itself."""
+        if len(poses) == 1:
+            return None
+        steps = se2.between(poses[:-1], poses[1:])
+        return Odometry(steps, window.noise(steps), _JUMPS)
+
+    def first_of(self, observations: Sequence[Observation]) -> FloatArray:
+        """Where odometry was (3,) at the first scan of the window that is looked at."""
+        return self._chosen([o for o in observations if isinstance(o.reading, LaserScan)])[0].odom_from_base
 
     def _selection(self, scans: int) -> BeamSelection:
         """Beams of each of so many scans; what saw nothing is left out, whatever the lidar's own model makes of it."""
@@ -186,7 +216,7 @@ def _censored(settings: Settings) -> BeamParameters:
 @final
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundOnMap:
-    """Start where the first readings are found on the map; more of them are waited for while they leave doubt.
+    """Start where the first readings are found on the map; while they leave doubt, it looks again further on the way.
 
     Each place gets particles by its share; what is left to chance is spread over the map.
     """
@@ -197,19 +227,21 @@ class FoundOnMap:
     def place(self, opening: Opening, n: int, rng: np.random.Generator) -> Placed | Patience:
         """Particles at ``opening.stamp_ns``, and how probable each place is."""
         odometry = np.array([o.odom_from_base for o in opening.observations])
-        scans = window.spread(odometry, _PATIENCE)
-        last = opening.complete or scans.size >= _PATIENCE
-        if not last and len(odometry) > 1 and scans.size == window.spread(odometry[:-1], _PATIENCE).size:
-            return Patience.HOLD  # it has seen nothing new
+        way = np.append(0.0, np.cumsum(window.ways(odometry)))
+        last = opening.complete or way[-1] >= _LOOKS[-1]
+        if not last and len(way) > 1 and not ((way[-2] < _LOOKS) & (way[-1] >= _LOOKS)).any():
+            return Patience.HOLD  # it has seen little that is new
         location = self.search.find(opening.observations, _MODES)
         if not last and (location is None or location.modes[0].share < _SURE):
             return Patience.HOLD
-        first_from_last = se2.between(odometry[-1], odometry[0])
-        poses, modes = _drawn(location, self.grid, n, rng, first_from_last)
         if location is None:
+            poses, modes = particles.uniform(self.grid, n, rng), np.zeros(n, np.int64)
             return Placed(poses, modes, np.empty((0, 3)), np.empty(0), 0.0)
-        places = se2.compose(np.array([mode.pose for mode in location.modes]), first_from_last)
-        return Placed(poses, modes, places, np.array([mode.share for mode in location.modes]), location.elsewhere)
+        then = se2.between(self.search.first_of(opening.observations), odometry[0])
+        places = [Around(mode.began, mode.spread, mode.share) for mode in location.modes]
+        poses, modes = _drawn(places, self.grid, n, rng, then)
+        at = se2.compose(np.array([place.pose for place in places]), then)
+        return Placed(poses, modes, at, np.array([place.share for place in places]), location.elsewhere)
 
 
 @final
@@ -223,27 +255,38 @@ class FoundAgain:
     def __call__(self, situation: Situation, n: int, rng: np.random.Generator) -> Proposed:
         """Poses (n, 3) at the update's stamp."""
         location = self.search.find(situation.observations, _MODES) if situation.observations else None
-        poses, modes = _drawn(location, self.grid, n, rng, np.zeros(3))
-        shares = [mode.share for mode in location.modes] if location else []
-        return Proposed(poses, np.array([*shares, 0.0])[modes])
+        places = [Around(mode.pose, mode.covariance, mode.share) for mode in location.modes] if location else []
+        poses, modes = _drawn(places, self.grid, n, rng, np.zeros(3))
+        return Proposed(poses, np.array([*(place.share for place in places), 0.0])[modes])
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Around:
+    """A place to draw particles at: a pose (3,) with covariance (3, 3), and the probability of being there."""
+
+    pose: FloatArray
+    covariance: FloatArray
+    share: float
 
 
 def _drawn(
-    location: Location | None, grid: OccupancyGrid, n: int, rng: np.random.Generator, then: FloatArray
+    places: Sequence[Around], grid: OccupancyGrid, n: int, rng: np.random.Generator, then: FloatArray
 ) -> tuple[FloatArray, IntArray]:
     """Poses (n, 3): by their shares around the places, each moved by ``then`` (3,), the others anywhere on the map.
 
     And which place each is at (n,), for the others the number of places.
     """
-    if location is None:
-        return particles.uniform(grid, n, rng), np.zeros(n, np.int64)
-    shares = np.array([mode.share for mode in location.modes])
+    shares = np.array([place.share for place in places])
     placed = min(n, round(n * float(shares.sum())))
-    poses = np.array([mode.pose for mode in location.modes])
-    spreads = np.array([mode.covariance for mode in location.modes]) + np.diag(_LEAST_SPREAD)
+    if not placed:
+        return particles.uniform(grid, n, rng), np.full(n, len(places), np.int64)
     edges = np.round(placed * np.cumsum(shares) / shares.sum()).astype(int)
     counts = np.diff(edges, prepend=0)
-    parts = [particles.gaussian(p, c, k, rng) for p, c, k in zip(poses, spreads, counts.tolist(), strict=True)]
+    parts = [
+        particles.gaussian(place.pose, place.covariance + np.diag(_LEAST_SPREAD), count, rng)
+        for place, count in zip(places, counts.tolist(), strict=True)
+    ]
     around = se2.compose(np.concatenate(parts), then)
     modes = np.repeat(np.arange(len(shares) + 1), [*counts.tolist(), n - placed])
     return np.concatenate([around, particles.uniform(grid, n - placed, rng)]), modes

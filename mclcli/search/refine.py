@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mclcli.sensors.likelihood_field import LikelihoodField
 
 _STEPS = 12
+_STEPS_ON_LATTICE = 10  # there the creases of the field, not the number of steps, set the limit
 _CONVERGED = 1e-5
 _DRIFT = np.array([0.15, 0.15, math.radians(5.0)])  # of odometry within half a window
 _SHARES = 0.5 ** np.arange(6)[:, np.newaxis]  # of a step
@@ -33,23 +34,25 @@ class Refinement:
     """How maxima are sought: within ``reach`` (3,) of where they are thought to be, x, y [m] and yaw [rad].
 
     ``spacing`` (3,) is that of the lattice: a covariance is at least that of a pose somewhere in one step of it.
-    ``alpha`` is the temperature of the log-likelihood, ``precision`` (3,) that of a Gaussian around the poses given.
+    ``alpha`` is the temperature of the log-likelihood, ``precision`` (3, 3), or (M, 3, 3) one for each pose, that
+    of Gaussians around the poses given. At most so many ``steps`` are taken.
     """
 
     reach: FloatArray
     spacing: FloatArray
     alpha: float
     precision: FloatArray
+    steps: int = _STEPS
 
 
 def on_lattice(spacing: FloatArray, alpha: float) -> Refinement:
     """From poses of the lattice, which are the best within a step of it."""
-    return Refinement(2.0 * spacing, spacing, alpha, np.zeros(3))
+    return Refinement(2.0 * spacing, spacing, alpha, np.zeros((3, 3)), _STEPS_ON_LATTICE)
 
 
 def after_drift(spacing: FloatArray, alpha: float) -> Refinement:
     """From poses that fit scans joined by odometry, to those that fit the later ones of them."""
-    return Refinement(2.0 * _DRIFT, spacing, alpha, 1.0 / _DRIFT**2)
+    return Refinement(2.0 * _DRIFT, spacing, alpha, np.diag(1.0 / _DRIFT**2))
 
 
 def refine(model: LikelihoodField, beams: Beams, poses: FloatArray, how: Refinement) -> tuple[FloatArray, FloatArray]:
@@ -59,13 +62,15 @@ def refine(model: LikelihoodField, beams: Beams, poses: FloatArray, how: Refinem
     """
     smooth = dataclasses.replace(model, parameters=dataclasses.replace(model.parameters, field_lookup="bilinear"))
     measured = smooth.measure("lidar", beams)
+    precision = np.broadcast_to(how.precision, (len(poses), 3, 3))
     best, values, moving = poses.copy(), how.alpha * measured.log_likelihood(poses), np.arange(len(poses))
-    for _ in range(_STEPS):
+    for _ in range(how.steps):
         start = poses[moving, np.newaxis]
-        tried = _along_the_step(smooth, beams, best[moving], poses[moving], how)
+        tried = _along_the_step(smooth, beams, best[moving], poses[moving], how, precision[moving])
         tried = np.clip(tried, start - how.reach, start + how.reach)
         found = how.alpha * measured.log_likelihood(tried.reshape(-1, 3)).reshape(tried.shape[:2])
-        found -= 0.5 * ((tried - start) ** 2 * how.precision).sum(axis=-1)
+        off = tried - start
+        found -= 0.5 * ((off @ precision[moving]) * off).sum(axis=-1)
         row, chosen = np.arange(len(moving)), found.argmax(axis=1)
         better = found[row, chosen] > values[moving]
         far = np.abs(tried[row, chosen] - best[moving]).max(axis=1) >= _CONVERGED
@@ -77,12 +82,17 @@ def refine(model: LikelihoodField, beams: Beams, poses: FloatArray, how: Refinem
 
 
 def _along_the_step(
-    model: LikelihoodField, beams: Beams, poses: FloatArray, starts: FloatArray, how: Refinement
+    model: LikelihoodField,
+    beams: Beams,
+    poses: FloatArray,
+    starts: FloatArray,
+    how: Refinement,
+    precision: FloatArray,
 ) -> FloatArray:
     """Poses (M, 6, 3) one Gauss–Newton step away, half of it, a quarter, and so on."""
-    gradients, curvatures = _normal_equations(model, beams, poses)
-    gradients = how.alpha * gradients - how.precision * (poses - starts)
-    curvatures = how.alpha * curvatures + np.diag(how.precision)
+    gradients, curvatures = normal_equations(model, beams, poses)
+    gradients = how.alpha * gradients - (precision @ (poses - starts)[..., np.newaxis])[..., 0]
+    curvatures = how.alpha * curvatures + precision
     damping = 1e-6 * np.trace(curvatures, axis1=1, axis2=2) + 1e-12
     damped = curvatures + damping[:, np.newaxis, np.newaxis] * np.eye(3)
     steps = np.linalg.solve(damped, gradients[..., np.newaxis])[..., 0]
@@ -90,7 +100,7 @@ def _along_the_step(
     return np.asarray(poses[:, np.newaxis] + _SHARES * np.clip(steps, -longest, longest)[:, np.newaxis])
 
 
-def _normal_equations(model: LikelihoodField, beams: Beams, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
+def normal_equations(model: LikelihoodField, beams: Beams, poses: FloatArray) -> tuple[FloatArray, FloatArray]:
     """−Σ w d J / σ² (M, 3) and Σ w J Jᵀ / σ² (M, 3, 3); derivatives by differences over a cell."""
     p = model.parameters
     ends, h = beams.endpoints, model.field.resolution
@@ -109,9 +119,9 @@ def _normal_equations(model: LikelihoodField, beams: Beams, poses: FloatArray) -
 
 
 def _covariances(model: LikelihoodField, beams: Beams, poses: FloatArray, how: Refinement) -> FloatArray:
-    _, curvatures = _normal_equations(model, beams, poses)
+    _, curvatures = normal_equations(model, beams, poses)
     steps = np.outer(how.spacing, how.spacing)
-    values, vectors = np.linalg.eigh((how.alpha * curvatures + np.diag(how.precision)) * steps)
+    values, vectors = np.linalg.eigh((how.alpha * curvatures + how.precision) * steps)
     spread = 1.0 / np.maximum(values, 1e-6) + 1.0 / 12.0
     scaled = (vectors * spread[:, np.newaxis]) @ vectors.transpose(0, 2, 1)
     return np.asarray(0.5 * (scaled + scaled.transpose(0, 2, 1)) * steps)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, final
 
 import numpy as np
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from mclcli.sensors.beams import Beams
     from mclcli.sensors.bearing import BearingModel, Bearings
     from mclcli.sensors.likelihood_field import LikelihoodField
+    from mclcli.smooth.odometry import Odometry
     from mclcli.world.occupancy import OccupancyGrid
     from mclcli.world.pyramid import Pyramid
 
@@ -63,18 +64,39 @@ class Scene:
 
 @final
 @dataclass(frozen=True, slots=True, eq=False)
-class View:
-    """What the robot sees, from its base at one stamp: beams with a return, all beams, and bearings of landmarks.
-
-    ``later`` are the beams with a return of the latest half of the scans, the latest quarter, and so on: the drift of
-    odometry displaces those of earlier scans more.
-    """
+class Sight:
+    """One scan, from its own base: beams with a return, and ``rays``, all beams."""
 
     beams: Beams
     rays: Beams
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class Stretch:
+    """A few scans that follow each other, joined rigidly as seen from the last of them, scan number ``last``."""
+
+    last: int
+    beams: Beams
+
+
+@final
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """What the robot saw: ``sights`` in order of time, the last one now, and the odometry between them.
+
+    ``beams`` are those with a return of all sights joined rigidly, ``stretches`` shorter pieces of the way. Bearings of
+    landmarks are as from now. ``odometry`` is None for a single sight; ``ways`` (n − 1,) [m] is how far the robot moved
+    between sights.
+    """
+
+    beams: Beams
+    sights: tuple[Sight, ...]
+    odometry: Odometry | None = None
+    ways: FloatArray = field(default_factory=lambda: np.empty(0))
+    stretches: tuple[Stretch, ...] = ()
     bearings: tuple[Bearings, ...] = ()
     bearing_model: BearingModel | None = None
-    later: tuple[Beams, ...] = ()
 
 
 def allowed_cells(

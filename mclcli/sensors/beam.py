@@ -56,7 +56,7 @@ class BeamModel:
         may fit a little better where a reading is within some σ of 0 or r_max, or λ is large.
         """
         beams = _without_nan(beams)
-        expected = (self._perfect(beams), np.zeros(beams.ranges.size))  # as read, or a wall at the sensor itself
+        expected = (self.perfect(beams), np.zeros(beams.ranges.size))  # as read, or a wall at the sensor itself
         peak, floor = (float(self._combine(self._likelihood(beams.ranges, r_star, beams.r_max))) for r_star in expected)
         score = functools.partial(self._score, beams)
         each = functools.partial(self.each, beams)
@@ -118,7 +118,7 @@ class BeamModel:
         load("beam_mixture").sum_log(likelihood, beam_forms.FLOOR, out)
         return out
 
-    def _perfect(self, beams: Beams) -> FloatArray:
+    def perfect(self, beams: Beams) -> FloatArray:
         """Expected ranges (B,) that equal the readings; far beyond r_max where there was no return."""
         far = beams.r_max + (_TAIL * self.parameters.sigma_hit if self._censored else 0.0)
         return np.where(beams.ranges >= beams.r_max, far, np.maximum(beams.ranges, 0.0))

@@ -13,7 +13,7 @@ from mclcli.cli.locate.scans import thinned
 from mclcli.geometry import se2
 from mclcli.io.tables.tum import read_tum
 from mclcli.sensors.observation import Observation
-from tests.cli.support import OFFICE, OFFICE_MAP, SAMPLES, START_NS, mcl, single_error
+from tests.cli.support import MAPS, OFFICE, OFFICE_MAP, SAMPLES, START_NS, mcl, single_error
 from tests.data import shared
 from tests.support import scan_of
 
@@ -61,9 +61,12 @@ def test_a_window_and_json_and_a_picture(tmp_path: Path) -> None:
     assert result.code == (5 if found["ambiguous"] else 0)
     assert 1 <= len(found["modes"]) <= 3
     assert found["beams"] > 90
-    assert found["modes"][0]["log_likelihood"] <= found["maximum"]
     assert found["lattice"]["cell"] == 0.05
-    assert 0.0 <= sum(mode["share"] for mode in found["modes"]) + found["not_on_map"] <= 1.0 + 1e-9
+    assert sum(mode["share"] for mode in found["modes"]) + found["not_on_map"] + found["not_listed"] == pytest.approx(
+        1.0
+    )
+    assert all(mode["share_low"] <= mode["share"] <= mode["share_high"] for mode in found["modes"])
+    assert set(found["modes"][0]["evidence"]) == {"ends", "rays", "bearings", "odometry", "volume", "strange"}
     with Image.open(tmp_path / "p.png") as picture:
         assert picture.width > 600
 
@@ -97,6 +100,19 @@ def test_one_scan_of_each_interval_is_looked_at(stamps: list[int], every: int, e
 def test_a_share_below_the_least_asked_for_ends_with_5() -> None:
     assert mcl("locate", OFFICE, *ON_MAP, "--at", 8, "--min-share", 1).code == 5
     assert mcl("locate", OFFICE, *ON_MAP, "--at", 8, "--min-share", 0).code == 0
+
+
+def test_what_is_to_be_thought_of_it_comes_first_and_only_what_may_help_is_advised() -> None:
+    wrong = mcl("locate", OFFICE, "--map", MAPS / "warehouse.yaml", "--at", 40, "--window", 20)
+    assert wrong.code == 5
+    assert wrong.err.startswith("mcl: not on this map (probability ")
+    assert "--window" not in wrong.err
+    assert "mcl: give the map of where the robot was" in wrong.err
+    scan = mcl("extract", OFFICE, "--at", 8).out
+    for words, helps in (((OFFICE, "--at", 8), True), ((OFFICE, "--at", 40, "--window", 31), False), (("-",), False)):
+        found = mcl("locate", *words, *ON_MAP, "--min-share", 1, stdin=scan)
+        assert found.err.startswith("mcl: ambiguous: "), words
+        assert ("a longer --window, --prior or --region" in found.err) is helps, words
 
 
 def test_prior_and_region_limit_the_search() -> None:

@@ -56,7 +56,7 @@ def test_a_start_in_doubt_waits_and_then_shares_the_particles_out() -> None:
     shares = near(placed.poses, TRUE).mean(), near(placed.poses, twin).mean()  # at the first of the scans
     assert {near(placed.places[:2], at).sum() for at in (TRUE, twin)} == {1}
     assert placed.probabilities[0] < 0.8
-    assert min(shares) > 0.15
+    assert min(shares) > 0.1
     assert sum(shares) > 0.5
 
 

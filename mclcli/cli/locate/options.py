@@ -120,7 +120,7 @@ locate_options = options.all_of(
         "--number",
         metavar="N",
         type=click.IntRange(1, 32),
-        default=5,
+        default=8,
         show_default=True,
         help="Places to report.",
     ),

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
+from pathlib import Path
 from typing import TYPE_CHECKING, final
 
 import numpy as np
 
 from mclcli.cli import console, pictures
+from mclcli.cli.one_scan import is_log
 from mclcli.errors import InputError
 from mclcli.io.traces.sinks import stamp_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
-    from pathlib import Path
 
     from mclcli.cli.locate.options import LocateOptions
     from mclcli.replay.finder import GlobalSearch
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from mclcli.sensors.observation import Observation
     from mclcli.world.occupancy import OccupancyGrid
 
+_LONG_NS = 30 * 10**9  # a window that is no longer than this may be longer
 COLUMNS = (
     "stamp", "rank", "x", "y", "yaw", "cov_xx", "cov_xy", "cov_xyaw", "cov_yy", "cov_yyaw", "cov_yawyaw",
     "log_likelihood", "log_beam", "share", "share_low", "share_high", "not_on_map",
@@ -82,14 +83,13 @@ class Results:
             console.remark(f"{self.count} scans, {self.count - self.ambiguous} of them unambiguous")
             return
         x, y, yaw = best.pose
-        doubt = "ambiguous: " if self.ambiguous else ""
         console.remark(
-            f"{doubt}{x:.3f},{y:.3f},{np.degrees(yaw):.2f}deg with probability {_floor(best.share)}; "
-            f"log-likelihood {best.log_likelihood:.2f}, the greatest of {location.poses} poses {location.maximum:.2f}; "
-            f"not on this map {_floor(location.elsewhere)}"
+            f"{_verdict(location, self._options.min_share)}{x:.3f},{y:.3f},{np.degrees(yaw):.2f}deg with probability "
+            f"{_floor(best.share)}; log-likelihood {best.log_likelihood:.2f}, the greatest of {location.poses} poses "
+            f"{location.maximum:.2f}; not on this map {_floor(location.elsewhere)}"
         )
         if self.ambiguous:
-            console.remark("a longer --window, --prior or --region may tell the places apart")
+            console.remark(_advice(location, self._options))
 
     def _draw(self, target: str, location: Location, moment: Sequence[Observation]) -> None:
         from mclcli.geometry import se2
@@ -111,6 +111,23 @@ class Results:
         pictures.save(picture, target, self._inputs)
 
 
+def _verdict(location: Location, min_share: float) -> str:
+    """What is to be thought of the best place, before it is named."""
+    best = location.modes[0].share
+    if location.elsewhere > max(best, 0.5):
+        return f"not on this map (probability {_floor(location.elsewhere)}); if it is, then rather at "
+    return "ambiguous: " if best < min_share else ""
+
+
+def _advice(location: Location, options: LocateOptions) -> str:
+    """What may help."""
+    if location.elsewhere > max(location.modes[0].share, 0.5):
+        return "give the map of where the robot was, or a lower --set off_map_prior=P if this one is sure to be it"
+    path = Path(options.source.scan)
+    longer = "a longer --window, " if (options.window_ns or 0) < _LONG_NS and path.exists() and is_log(path) else ""
+    return f"{longer}--prior or --region may tell the places apart"
+
+
 def _floor(share: float) -> str:
     """Probability, never rounded up to certainty."""
     return f"{np.floor(share * 1e4) / 1e4:g}"
@@ -119,6 +136,11 @@ def _floor(share: float) -> str:
 def _numbers(mode: Mode) -> list[float]:
     upper = mode.covariance[np.triu_indices(3)].tolist()
     return [*mode.pose.tolist(), *upper, mode.log_likelihood, mode.log_beam, mode.share, mode.low, mode.high]
+
+
+def _not_listed(location: Location) -> float:
+    """Probability of all places on the map but those listed."""
+    return max(0.0, 1.0 - location.elsewhere - sum(mode.share for mode in location.modes))
 
 
 def _lines(location: Location, stamp_ns: int) -> Iterator[str]:
@@ -132,16 +154,17 @@ def _as_json(location: Location, stamp_ns: int, min_share: float) -> dict[str, o
     modes = []
     for rank, mode in enumerate(location.modes):
         numbers = [None if np.isnan(value) else float(value) for value in _numbers(mode)]
-        modes.append({"rank": rank + 1, **dict(zip(COLUMNS[2:-1], numbers, strict=True))})
+        terms = {name: float(value) for name, value in mode.terms.items()}
+        modes.append({"rank": rank + 1, **dict(zip(COLUMNS[2:-1], numbers, strict=True)), "evidence": terms})
     return {
         "stamp": stamp_text(stamp_ns),
         "ambiguous": bool(location.modes[0].share < min_share),
         "modes": modes,
         "not_on_map": float(location.elsewhere),
+        "not_listed": float(_not_listed(location)),
         "maximum": float(location.maximum),
         "lattice": {"cell": location.cell, "angle": location.angle, "poses": location.poses},
         "temperature": location.alpha,
         "beams": location.beams,
         "enumerated": {"nats": location.nats, "poses": location.leaves},
-        "figures": dataclasses.asdict(location.figures),
     }
