@@ -109,7 +109,7 @@ def _merged(
     factor = tracks.factorised(paths, ends, view)
     log_volumes = 1.5 * paths.shape[1] * math.log(2.0 * math.pi) - 0.5 * factor.log_determinants()
     kept = distinct(paths[:, -1], costs - log_volumes, radii)
-    covariances = factor.marginals()[kept] + np.diag(spacing**2 / 12.0)
+    covariances = factor.marginals()[0][kept] + np.diag(spacing**2 / 12.0)
     return Places(
         paths=paths[kept],
         covariances=covariances[:, -1],

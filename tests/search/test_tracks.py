@@ -68,7 +68,7 @@ def test_a_path_is_followed_both_ways_from_where_it_was_found() -> None:
     assert found.shape == (1, 10, 3)
     assert np.hypot(off[:, 0], off[:, 1]).max() < 0.1
     assert np.abs(off[:, 2]).max() < math.radians(3.0)
-    spread = factorised(found, ends, view).marginals()[0]
+    spread = factorised(found, ends, view).marginals()[0][0]
     assert (np.sqrt(spread[:, 0, 0]) < 0.1).all()
 
 
