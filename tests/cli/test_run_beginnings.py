@@ -54,6 +54,15 @@ def test_the_summary_repeats_every_start_with_its_doubt() -> None:
     assert kept == [first, second, "  3 places kept alive up to 4.0 s of the log; column modes of --steps"]
 
 
+def test_places_that_are_still_possible_at_the_end_are_a_doubt() -> None:
+    tally = ReplayTally(found=[(10**9, placed(0.97)), (4 * 10**9, placed(0.3))], undecided={1: (5 * 10**9, 3)})
+    (doubt,) = beginnings.undecided(tally, 5 * 10**9)
+    assert doubt.startswith("3 places were still possible at the last update")
+    assert beginnings.undecided(tally, 6 * 10**9) == []
+    assert beginnings.undecided(dataclasses.replace(tally, undecided={0: (5 * 10**9, 3)}), 5 * 10**9) == []
+    assert beginnings.undecided(ReplayTally(), 0) == []
+
+
 def test_a_run_says_where_it_began_once_at_the_start_and_once_in_the_summary() -> None:
     words = (SAMPLES / "office.mcap", "--duration", "5", "--track", "-")
     right = mcl("run", *words, "--map", MAPS / "office.yaml")

@@ -42,6 +42,14 @@ def repeated(recording: Recording, tally: ReplayTally) -> list[str]:
     return lines
 
 
+def undecided(tally: ReplayTally, last_ns: int) -> list[str]:
+    """A doubt where several places were still possible at the last update."""
+    stamp_ns, modes = tally.undecided.get(len(tally.found) - 1, (None, 0))
+    if stamp_ns != last_ns:
+        return []
+    return [f"{modes} places were still possible at the last update; the pose stated is at the most probable of them"]
+
+
 def line(recording: Recording, stamp_ns: int, placed: Placed) -> str:
     """The most probable place, as --init takes it, with its probability."""
     seconds = f"at {(stamp_ns - recording.first_ns) * 1e-9:.1f} s of the log"

@@ -62,7 +62,7 @@ def summary_of(
     facts = [f"{extent(tally, track)} in {seconds:.2f} s ({track.seconds / seconds:.0f} × real time)"]
     facts += beginnings.repeated(recording, tally)
     facts += ends.lines(recording.first_ns)
-    doubts: list[str] = []
+    doubts = beginnings.undecided(tally, ends.last_ns)
     for topic, instrument in setup.instruments.items():
         facts.append(f"{instrument.name} {clean(topic)}: {tally.used[topic]} used{_skipped(tally, topic)}")
         facts += _scored(instrument, tally)
