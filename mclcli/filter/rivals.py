@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from mclcli.arrays import FloatArray, IntArray
     from mclcli.sensors import Measurement
 
-HELD_OUT = 3  # updates that a rival has to fit before it may become a particle
+HELD_OUT = 3  # updates that a rival drawn at random has to fit before it may become a particle
+HELD_OUT_IF_FOUND = 5  # one that a search has found, but is not sure of: it was chosen because it fits
 SURE = 0.9  # probability of its place from which on a rival need not wait; hardly any is surer than 0.93
 _AS_USUAL = 0.93  # of how well readings have fitted on the whole, that a rival has to fit
 _REMEMBERED = 5  # updates in a row at which the robot seems right, after which its rivals are forgotten
@@ -62,4 +63,5 @@ class Rivals:
     @property
     def proven(self) -> FloatArray:
         """Poses (M, 3) that have held out long enough, or whose place is sure."""
-        return self.poses[(self.ages >= HELD_OUT) | (self.probabilities >= SURE)]
+        needed = np.where(self.probabilities > 0.0, HELD_OUT_IF_FOUND, HELD_OUT)
+        return self.poses[(self.ages >= needed) | (self.probabilities >= SURE)]

@@ -17,7 +17,7 @@ from mclcli.filter.kld import KldParameters
 from mclcli.filter.localizer import Localizer, initial_state
 from mclcli.filter.parameters import FilterParameters
 from mclcli.filter.recovery import Averages, FromAnywhere, Proposed, RecoveryParameters
-from mclcli.filter.rivals import HELD_OUT, SURE, Rivals
+from mclcli.filter.rivals import HELD_OUT, HELD_OUT_IF_FOUND, SURE, Rivals
 from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
 from tests.reference import recovery as naive
@@ -131,6 +131,17 @@ def test_nothing_is_drawn_while_the_robot_seems_right_though_rivals_are_remember
     """After 0.4, 0.4, 0.85 the rivals are old enough, but the next update decides."""
     injected = [record.injected > 0 for record in run([0.4, 0.4, 0.85, 0.85, 0.4])]
     assert injected == [False, False, False, False, True]
+
+
+def test_what_a_search_has_found_holds_out_longer_unless_it_is_sure() -> None:
+    at = np.array([[50.0, 0.0, 0.0]])
+    for probability, needed in ((0.0, HELD_OUT), (0.3, HELD_OUT_IF_FOUND), (SURE - 1e-9, HELD_OUT_IF_FOUND), (SURE, 1)):
+        rivals = Rivals().joined_by(at, np.array([probability]))
+        proven = []
+        for _ in range(HELD_OUT_IF_FOUND):
+            rivals = rivals.judged([fitting(0.5)], 1.0, 10)
+            proven.append(len(rivals.proven) == 1)
+        assert proven == [age >= needed for age in range(1, HELD_OUT_IF_FOUND + 1)]
 
 
 def test_rivals_are_forgotten_once_the_robot_seems_right_for_long() -> None:
