@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from functools import partial
 from typing import TYPE_CHECKING, NoReturn, TextIO, cast, final
 
 if TYPE_CHECKING:
@@ -74,9 +75,18 @@ def end_on_signals() -> None:
     _handle(_end, _end)
 
 
-def unwind_on_signals() -> None:
-    """Let signals unwind like exceptions from now on, so that outputs are finished or removed."""
-    _handle(signal.default_int_handler, _unwind)
+@final
+class Received:
+    """The last signal that came, 0 for none: NumPy's import makes an ImportError of what a signal raises."""
+
+    number = 0
+
+
+def unwind_on_signals() -> Received:
+    """Let signals unwind like exceptions from now on, so that outputs are finished or removed; says which came."""
+    received = Received()
+    _handle(partial(_interrupt, received), partial(_unwind, received))
+    return received
 
 
 def _handle(interrupt: Callable[..., object], terminate: Callable[..., object]) -> None:
@@ -92,8 +102,14 @@ def _end(number: int, frame: FrameType | None) -> NoReturn:
     os._exit(128 + number)
 
 
-def _unwind(number: int, frame: FrameType | None) -> NoReturn:
+def _interrupt(received: Received, number: int, frame: FrameType | None) -> None:
+    received.number = number
+    signal.default_int_handler(number, frame)
+
+
+def _unwind(received: Received, number: int, frame: FrameType | None) -> NoReturn:
     del frame
+    received.number = number
     for name in ("SIGTERM", "SIGHUP"):  # a terminal that closes sends several: the first is being obeyed
         if name in signal.Signals.__members__:  # not on Windows
             signal.signal(signal.Signals[name], signal.SIG_IGN)

@@ -34,23 +34,34 @@ def run(group: click.Group, args: list[str]) -> int:
 
 def _attempt(group: click.Group, args: list[str]) -> int:
     """Run the command line and explain what goes wrong; signals may end that as well, and pass through."""
+    received = startup.Received()
     try:
         if args:  # imported while a signal still ends the process at once
             group.get_command(click.Context(group), args[0])
-        startup.unwind_on_signals()
+        received = startup.unwind_on_signals()
         # Not group.main(): it turns a closed pipe into exit code 1 before we see it.
         with group.make_context("mcl", args) as context:
             code = group.invoke(context)
         sys.stdout.flush()
     except click.exceptions.Abort:
         raise
-    except Exception as error:  # noqa: BLE001 - the last line of defence: no traceback reaches the user
-        if "--debug" in args and not isinstance(error, BrokenPipeError | click.exceptions.Exit):
-            traceback.print_exc()
-        code = _explain(error)
+    except ImportError as error:
+        if not received.number:
+            return _told(error, args)
         _give_up_output()
-        return code
+        return 128 + received.number
+    except Exception as error:  # noqa: BLE001 - the last line of defence: no traceback reaches the user
+        return _told(error, args)
     return code if isinstance(code, int) else ExitCode.COMPLETE
+
+
+def _told(error: Exception, args: list[str]) -> int:
+    """Explain an error; the exit code."""
+    if "--debug" in args and not isinstance(error, BrokenPipeError | click.exceptions.Exit):
+        traceback.print_exc()
+    code = _explain(error)
+    _give_up_output()
+    return code
 
 
 @final

@@ -234,3 +234,34 @@ def test_an_installed_script_finds_the_program() -> None:
         pytest.skip("mcl is not installed beside this Python")
     done = subprocess.run([script, "--version"], capture_output=True, check=True)
     assert __version__ in done.stdout.decode()
+
+
+@pytest.mark.parametrize(("name", "code"), [("SIGINT", 130), ("SIGTERM", 143), ("", 70)])
+def test_a_signal_that_an_import_swallows_is_still_a_signal(name: str, code: int) -> None:
+    """NumPy makes an ImportError of whatever its import meets; without a signal that is a bug to be reported."""
+    program = f"""
+import os, signal, sys
+import click
+from mclcli import startup
+from mclcli.cli.process import run
+
+@click.group()
+def group(): pass
+
+@group.command()
+def work():
+    try:
+        if {name!r}:
+            os.kill(os.getpid(), getattr(signal, {name!r} or "SIGINT"))
+            signal.pthread_sigmask(signal.SIG_BLOCK, ())
+    except BaseException:
+        pass
+    raise ImportError("_multiarray_umath failed to import")
+
+startup.secure_streams()
+sys.exit(run(group, ["work"]))
+"""
+    signals = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    done = subprocess.run([sys.executable, "-c", signals + program], capture_output=True, text=True, check=False)
+    assert done.returncode == code, done.stderr
+    assert ("internal error" in done.stderr) == (not name)
