@@ -49,6 +49,7 @@ _MEMORY = 0.16  # share of the newest look in the running averages
 _BOUNDS = (0.02, 4.0)  # of c
 _LEAST = Symmetric.of(np.diag(np.square(FLOOR / 100.0)))  # added to what is inverted
 _FLOOR = np.diag(np.square(FLOOR))
+_FLAT = 1e-6  # determinant of the correlations below which rounding decides what an inverse is
 
 
 class _Scores(NamedTuple):
@@ -90,15 +91,19 @@ class Moments:
     concentration: float
 
 
-def update(last: Sandwich | None, moments: Moments, measurements: Sequence[Measurement]) -> Sandwich:
-    """Covariance of the error after an update, from that after the one before; None at the start."""
+def update(last: Sandwich | None, moments: Moments, measurements: Sequence[Measurement]) -> Sandwich | None:
+    """Covariance of the error after an update, from that after the one before, None at the start.
+
+    None where the particles lie in a line or a plane, as a few of them do: no reading can be told from them.
+    """
+    before, after = symmetric.plus(moments.before, _LEAST), _corrected(moments)
+    if min(symmetric.correlation_determinant(before), symmetric.correlation_determinant(after)) < _FLAT:
+        return None
     count = 0 if last is None else last.updates
     scores = {} if last is None else last.scores
     if count % _EVERY == 0 or count < _EVERY:
         seen = [m for m in measurements if m.each is not None and m.count]
         scores = {**scores, **{m.sensor: _look(m, moments.pose, scores.get(m.sensor)) for m in seen}}
-    before = symmetric.plus(moments.before, _LEAST)
-    after = _corrected(moments)
     information = symmetric.inverse(before)
     added = symmetric.plus(symmetric.inverse(after), information, -1.0)
     gained = symmetric.positive(added)
@@ -131,7 +136,10 @@ def state(
     carried = np.exp(log_weights)
     free = _share_free(float(np.square(carried).sum()))
     before = Symmetric.of(weighted_mean(record.poses, carried, backend).covariance / free)
-    found = update(last, Moments(record.stamp_ns, pose, before, Symmetric.of(belief), 1.0 / record.ess), measurements)
+    moments = Moments(record.stamp_ns, pose, before, Symmetric.of(belief), 1.0 / record.ess)
+    found = update(last, moments, measurements)
+    if found is None:
+        return Estimate(pose, _corrected(moments).matrix() + _FLOOR), None
     covariance = found.covariance.matrix() + _FLOOR
     sweep = max((m.sweep for m in measurements), default=0.0)
     if last is not None and sweep > 0.0:

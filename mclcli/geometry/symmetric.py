@@ -60,6 +60,15 @@ def inverse(a: Symmetric) -> Symmetric:
     )
 
 
+def correlation_determinant(a: Symmetric) -> float:
+    """Determinant of the correlation matrix of a covariance: 1 of what is uncorrelated, 0 of what lies in a plane."""
+    xx, xy, xz, yy, yz, zz = a
+    product = xx * yy * zz
+    if not (min(xx, yy, zz) > 0.0 and product > 0.0):
+        return 0.0
+    return (xx * (yy * zz - yz * yz) + xy * (xz * yz - xy * zz) + xz * (xy * yz - xz * yy)) / product
+
+
 def between(a: Symmetric, m: Symmetric) -> Symmetric:
     """The product a m a."""
     axx, axy, axz, ayy, ayz, azz = a

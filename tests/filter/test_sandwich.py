@@ -16,6 +16,7 @@ from mclcli.filter.parameters import CovarianceOf, FilterParameters
 from mclcli.filter.sandwich import FLOOR, Moments
 from mclcli.geometry import se2
 from mclcli.geometry.symmetric import Symmetric
+from mclcli.motion.differential import DifferentialMotion, DifferentialParameters
 from mclcli.sensors import Measurement
 from tests.filter.test_localizer_policies import QUIET, STILL
 
@@ -62,6 +63,7 @@ def kalman(seed: int, sigma: float, together: int, motion: FloatArray) -> tuple[
         # at the estimate the robot seems to be off by what is wrong with it
         moments = Moments(step, np.zeros(3), Symmetric.of(before), Symmetric.of(belief), 0.0)
         last = sandwich.update(last, moments, [reading(wrong - DESIGN @ error, np.zeros(3))])
+        assert last is not None
         errors.append(error)
         covariances.append(last.covariance.matrix())
     return np.array(errors[20:]), np.array(covariances[20:])
@@ -91,6 +93,7 @@ def test_what_the_reading_says_nothing_of_is_as_uncertain_as_odometry_leaves_it(
     before = Symmetric(0.04, 0.0, 0.0, 0.04, 0.0, 0.01)
     after = Symmetric(0.04, 0.0, 0.0, 0.0004, 0.0, 0.01)
     found = sandwich.update(None, Moments(0, np.zeros(3), before, after, 0.0), [flat])
+    assert found is not None
     assert found.covariance.xx == pytest.approx(0.04, rel=1e-3)
     assert found.covariance.yy < 0.0002
 
@@ -138,6 +141,29 @@ def test_a_weight_that_is_all_on_one_particle_makes_nothing_certain() -> None:
     first, _ = run("sandwich", poses)
     assert first.ess < 1.01
     assert math.sqrt(first.estimate.covariance[0, 0]) > 0.2
+
+
+@pytest.mark.parametrize("seed", range(200))
+def test_few_particles_whatever_their_shape_state_a_covariance(seed: int) -> None:
+    """In a point, a line, a plane or anywhere, from picometres to decimetres wide, for readings dull to sharp."""
+    draws = np.random.default_rng(seed)
+    n, along = int(draws.choice([2, 3, 4, 6, 30])), draws.normal(size=3)
+    shape = [np.zeros((n, 3)), draws.normal(size=(n, 1)) * along, draws.normal(size=(n, 3))][seed % 3]
+    poses = shape * [1.0, 1.0, 0.3] * 10.0 ** draws.uniform(-12.0, -0.6) + [draws.normal(0.0, 1e3), -70.0, 3.0]
+    noise_of = DifferentialParameters(*[10.0 ** draws.uniform(-8.0, 0.0)] * 4)
+    localizer = Localizer(DifferentialMotion(noise_of), FilterParameters(), seed, KldParameters(n, n))
+    sharpness, state = 10.0 ** draws.uniform(-6.0, 8.0), initial_state(poses)
+
+    def each(at: FloatArray) -> FloatArray:
+        off = (at - poses.mean(axis=0)) @ DESIGN.T
+        return np.asarray(-0.5 * sharpness * off**2)
+
+    seen = Measurement("lidar", lambda at: np.asarray(each(at).sum(axis=1)), BEAMS, 0.0, 1.0, each, log_floor=-1e9)
+    for step in range(4):
+        state, record = localizer.step(state, draws.normal(size=3) * 0.1, [seen], step * 10**8)
+        own = record.estimate.covariance
+        least = np.linalg.eigvalsh(own - np.diag(np.square(FLOOR)))[0]
+        assert least >= -1e-9 * np.trace(own)
 
 
 def test_places_apart_keep_the_distance_between_them() -> None:

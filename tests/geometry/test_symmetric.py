@@ -48,3 +48,14 @@ def test_the_positive_part_keeps_the_directions_that_are_not_negative(a: Symmetr
 def test_moving_turns_by_the_error_of_yaw(a: Symmetric, dx: float, dy: float) -> None:
     jacobian = np.array([[1.0, 0.0, -dy], [0.0, 1.0, dx], [0.0, 0.0, 1.0]])
     close(symmetric.moved(a, dx, dy), jacobian @ a.matrix() @ jacobian.T)
+
+
+@given(matrices)
+def test_correlations_are_those_of_the_matrix_scaled(a: Symmetric) -> None:
+    covariance = symmetric.plus(
+        symmetric.between(a, Symmetric(1.0, 0.0, 0.0, 1.0, 0.0, 1.0)), Symmetric(0.1, 0.0, 0.0, 0.1, 0.0, 0.1)
+    )
+    deviations = np.sqrt(np.diag(covariance.matrix()))
+    wanted = np.linalg.det(covariance.matrix() / np.outer(deviations, deviations))
+    np.testing.assert_allclose(symmetric.correlation_determinant(covariance), wanted, rtol=0, atol=1e-9)
+    assert symmetric.correlation_determinant(covariance._replace(yy=0.0)) == 0.0
